@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What every step of a render shares: errors, warnings, threads, progress and memory. */
+#ifndef FUM_BASE_CONTEXT_H
+#define FUM_BASE_CONTEXT_H
+
+#include "fumarole.h"
+
+#include <stdatomic.h>
+#include <stdbool.h>
+
+struct fum_gl;
+
+struct fum_context {
+  char error[1024];
+  char **warnings;
+  int32_t warning_count;
+  int32_t threads; /* 0: all cores */
+  fum_progress_fn progress;
+  void *progress_user;
+  double progress_last_s;
+  int32_t progress_last_stage;
+  atomic_int cancelled;
+  atomic_uint_least64_t memory_bytes, memory_peak_bytes;
+  struct fum_gl *gl; /* owned by billboard/gl, made on the first draw */
+};
+
+/* Notes why the call fails and returns `code`, so that `return fum_fail(...)` reads as one step. */
+int32_t fum_fail(fum_context *context, int32_t code, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+/* Notes a warning once; the same text again is dropped. */
+void fum_warn(fum_context *context, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+/* Clears the cancel flag and the progress throttle at the start of a public call. */
+void fum_progress_begin(fum_context *context);
+
+/* Reports progress (at most 20 times a second within a stage). Only on the thread that called the library.
+ * Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
+int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message);
+
+/* True once the user has cancelled; for worker threads, which must not call fum_progress_report. */
+bool fum_is_cancelled(const fum_context *context);
+
+/* Threads to use. */
+int32_t fum_thread_count(const fum_context *context);
+
+/* Seconds of a monotonic clock. */
+double fum_now_s(void);
+
+/* Zeroed memory for `count` items of `size` bytes, 64-byte aligned, counted in the context. On failure *out is NULL
+ * and the error names `what` and how much it needed. A count of 0 gives a valid pointer. */
+int32_t fum_alloc(fum_context *context, int64_t count, size_t size, const char *what, void *out_pointer);
+
+/* Frees what fum_alloc gave; NULL is allowed. `pointer` is the variable, which becomes NULL. */
+void fum_free(fum_context *context, void *out_pointer);
+
+/* Bytes of memory the system can still give without swapping, or UINT64_MAX when unknown. */
+uint64_t fum_memory_available(void);
+
+#endif

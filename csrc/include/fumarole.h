@@ -1,0 +1,334 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/**
+ * Fumarole: smoke made of particles, lit through a density octree and drawn as sorted billboards.
+ *
+ * A session goes one way:
+ *
+ *     fum_context_create      errors, warnings, threads, progress
+ *     fum_scene_create        then fum_scene_add_particles, _add_mesh, _add_light
+ *     fum_render              one camera; any number of passes; call again for other cameras
+ *     fum_scene_destroy, fum_context_destroy
+ *
+ * Conventions
+ * - Every call that can fail returns FUM_OK (0) or a FUM_ERROR_ code. fum_last_error() then holds a sentence for a
+ *   person that names the object and the value that was wrong. Outputs are untouched on failure.
+ * - Structs start with `struct_size`; fill them with their `_init` function, which sets it and every default.
+ *   Fields are only ever appended, so a caller built against an older header keeps working.
+ * - The unit of length is the metre (Blender's world unit), angles are radians, colours are linear RGB.
+ * - Matrices are row-major, m[4 * row + column], and act on column vectors: world = m * local.
+ * - Pictures have their first row at the bottom, as in Blender. Pixels are float, channels interleaved.
+ * - A particle is a Gaussian: peak extinction `density` (1/m) at its centre and sigma = radius / 2. Particles add up:
+ *   extinction K(x) = sum_i density_i exp(-|x - c_i|^2 / (2 sigma_i^2)).
+ * - Arrays in descriptions are copied before the call returns.
+ * - A context and its scenes belong to one thread at a time. Different contexts are independent.
+ * - The same scene gives the same bits, whatever the number of threads.
+ * - The library never prints, exits or asserts.
+ */
+#ifndef FUMAROLE_H
+#define FUMAROLE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__)
+#define FUM_API __attribute__((visibility("default")))
+#else
+#define FUM_API
+#endif
+
+#define FUM_VERSION_MAJOR 0
+#define FUM_VERSION_MINOR 1
+#define FUM_VERSION_PATCH 0
+
+/** Status of a call. */
+enum {
+  FUM_OK = 0,
+  FUM_ERROR_ARGUMENT = 1,  /**< A value out of range, a null pointer, a wrong struct_size. */
+  FUM_ERROR_MEMORY = 2,    /**< Not enough memory; the message says how much was needed. */
+  FUM_ERROR_CANCELLED = 3, /**< The progress callback returned nonzero. */
+  FUM_ERROR_DEVICE = 4,    /**< No usable OpenGL; the message says what to install. */
+  FUM_ERROR_LIBRARY = 5,   /**< Embree or OpenEXR failed, or is not the one this library was built for. */
+  FUM_ERROR_FILE = 6       /**< A file could not be written. */
+};
+
+/** Stage of a render, for progress. */
+enum {
+  FUM_STAGE_OCTREE = 0,
+  FUM_STAGE_LIGHTING = 1,
+  FUM_STAGE_SORTING = 2,
+  FUM_STAGE_DRAWING = 3,
+  FUM_STAGE_PASSES = 4
+};
+
+enum { FUM_LIGHT_POINT = 0, FUM_LIGHT_SPOT = 1, FUM_LIGHT_SUN = 2, FUM_LIGHT_AREA = 3 };
+
+enum { FUM_AREA_RECTANGLE = 0, FUM_AREA_ELLIPSE = 1 };
+
+enum { FUM_CAMERA_PERSPECTIVE = 0, FUM_CAMERA_ORTHOGRAPHIC = 1 };
+
+/** How the optical depth to the lights is computed. Automatic picks the cheapest solver that keeps the tolerance. */
+enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1 };
+
+/** What draws the billboards. */
+enum { FUM_DEVICE_AUTO = 0, FUM_DEVICE_GL = 1 };
+
+/** Passes, in the order of the pass table (fum_pass_get). */
+enum { FUM_PASS_COMBINED = 0, FUM_PASS_DEPTH = 1 };
+
+typedef struct fum_context fum_context;
+typedef struct fum_scene fum_scene;
+
+/* ---- Library ---------------------------------------------------------------------------------------------------- */
+
+/** "major.minor.patch" of the library that was loaded. */
+FUM_API const char *fum_version(void);
+
+/** One line for bug reports: version, instruction set in use, Embree and OpenEXR versions reached. */
+FUM_API const char *fum_build_info(void);
+
+/** Size and offset of a struct's field as compiled into the library, so that a foreign-language mirror can be checked. */
+typedef struct fum_abi_field {
+  const char *struct_name;
+  const char *field_name; /**< "" for the struct as a whole. */
+  uint32_t offset;        /**< bytes; 0 for the struct as a whole */
+  uint32_t size;          /**< bytes */
+} fum_abi_field;
+
+/** The table of all public structs' fields. `*out_fields` points to static memory. Returns the number of entries. */
+FUM_API int32_t fum_abi_fields(const fum_abi_field **out_fields);
+
+/* ---- Context ---------------------------------------------------------------------------------------------------- */
+
+/**
+ * Called on the thread that called the library, at least ten times a second during long work.
+ * `fraction` is 0..1 within the stage; `message` is valid during the call. Return nonzero to cancel.
+ */
+typedef int32_t (*fum_progress_fn)(void *user, int32_t stage, float fraction, const char *message);
+
+/** Creates a context. Checks that the Embree it reaches is the one it was built for (FUM_ERROR_LIBRARY if not). */
+FUM_API int32_t fum_context_create(fum_context **out_context);
+
+/** Destroys the context and its drawing thread. Its scenes must be gone. NULL is allowed. */
+FUM_API void fum_context_destroy(fum_context *context);
+
+/** Number of threads for the calls that follow; 0 (default) uses all cores. At most 1024. */
+FUM_API int32_t fum_context_set_threads(fum_context *context, int32_t threads);
+
+/** Sets or clears (NULL) the progress callback. */
+FUM_API void fum_context_set_progress(fum_context *context, fum_progress_fn progress, void *user);
+
+/** What went wrong in the last failed call, or "" if none failed. With NULL: why fum_context_create failed (per thread). */
+FUM_API const char *fum_last_error(const fum_context *context);
+
+/** Warnings gathered since the last fum_warnings_clear, each once. */
+FUM_API int32_t fum_warning_count(const fum_context *context);
+/** Text of warning `index`, or NULL if out of range. Valid until the next call with this context. */
+FUM_API const char *fum_warning(const fum_context *context, int32_t index);
+FUM_API void fum_warnings_clear(fum_context *context);
+
+/* ---- Scene ------------------------------------------------------------------------------------------------------ */
+
+FUM_API int32_t fum_scene_create(fum_context *context, fum_scene **out_scene);
+
+/** NULL is allowed. */
+FUM_API void fum_scene_destroy(fum_scene *scene);
+
+/**
+ * A set of particles with one material. Arrays may be NULL; the value beside them then holds for every particle.
+ * Particles with a non-finite position, or a non-finite or negative radius, density, albedo or emission, or an albedo
+ * above 1 are dropped, counted and reported as a warning. Particles with radius 0 are dropped in silence (they hold
+ * no matter); with density 0 they are kept and neither absorb nor scatter.
+ */
+typedef struct fum_particles_desc {
+  uint32_t struct_size;
+  float anisotropy;       /**< g of Henyey-Greenstein, above -1 and below 1; default 0 */
+  const char *name;       /**< for messages; NULL is "particles" */
+  int64_t count;          /**< 0 or more; at most 4294967294 over all sets of a scene */
+  const float *positions; /**< [3 count] world space; required unless count is 0 */
+  const float *radii;     /**< [count] m; sigma = radius / 2 */
+  const float *densities; /**< [count] peak extinction, 1/m */
+  const float *albedos;   /**< [3 count] single-scattering albedo, 0..1 */
+  const float *emissions; /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
+  const float *velocities; /**< [3 count] m/s; for motion blur, not used by any pass yet */
+  const uint64_t *ids;    /**< [count] stable identity of each particle; default: 0, 1, 2... */
+  float radius;           /**< default 0.1 */
+  float density;          /**< default 1 */
+  float albedo[3];        /**< default 0.8 */
+  float emission[3];      /**< default 0 */
+} fum_particles_desc;
+
+FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
+FUM_API int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc);
+
+/** Triangles that cast shadows on the smoke and hide it. Degenerate triangles are harmless. */
+typedef struct fum_mesh_desc {
+  uint32_t struct_size;
+  uint32_t visibility; /**< FUM_VISIBLE_ flags; default all */
+  const char *name;    /**< for messages; NULL is "mesh" */
+  int64_t vertex_count;
+  int64_t triangle_count;
+  const float *vertices;       /**< [3 vertex_count], local space, finite */
+  const uint32_t *triangles;   /**< [3 triangle_count], indices below vertex_count */
+  double world_from_local[16]; /**< default identity */
+} fum_mesh_desc;
+
+enum {
+  FUM_VISIBLE_TO_SHADOW = 1, /**< casts shadows on smoke */
+  FUM_VISIBLE_TO_CAMERA = 2  /**< hides the smoke behind it */
+};
+
+FUM_API void fum_mesh_desc_init(fum_mesh_desc *desc);
+FUM_API int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc);
+
+/**
+ * A light in physical units, so that each host's own watts are converted where that host is known.
+ * Point, spot and area lights stand at the matrix's translation; spot, sun and area lights shine along its local -Z.
+ */
+typedef struct fum_light_desc {
+  uint32_t struct_size;
+  int32_t type;                /**< FUM_LIGHT_ */
+  const char *name;            /**< for messages; NULL is "light" */
+  double world_from_light[16]; /**< default identity; rotation and translation are used, and for a spot the scale too:
+                                    its cone is that of the direction in local space */
+  float intensity[3]; /**< point, spot: radiant intensity, W/sr. sun: irradiance on a plane facing it, W/m^2.
+                           area: radiance, W/(m^2 sr). At least 0; default 1 */
+  float radius;       /**< point, spot: radius of the disc that faces the receiver, m; default 0 */
+  float sun_angle;    /**< sun: full angle of its disc, 0..pi; default 0 */
+  float spot_angle;   /**< spot: full angle of the cone, above 0 and at most pi; default pi/4 */
+  float spot_blend;   /**< spot: share of the cone that is soft, 0..1; default 0.15 */
+  int32_t spot_cosine; /**< spot: 1 multiplies by the cosine to the axis (Cycles of Blender 3.4); default 0 */
+  int32_t area_shape; /**< FUM_AREA_; default rectangle */
+  float area_size[2]; /**< area: full width and height along local X and Y, m, scale included; default 1, 1 */
+  float area_spread;  /**< area: full angle that light spreads over, above 0 and at most pi; default pi */
+} fum_light_desc;
+
+FUM_API void fum_light_desc_init(fum_light_desc *desc);
+/** Lights are numbered from 0 in the order they are added. */
+FUM_API int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc);
+/** Removes all lights; particles, meshes and what was built from them are kept. */
+FUM_API void fum_scene_clear_lights(fum_scene *scene);
+
+/* ---- Settings and camera ---------------------------------------------------------------------------------------- */
+
+/** Settings of one render. The artistic ones bend physics as in the paper's table 1; their defaults do not. */
+typedef struct fum_settings {
+  uint32_t struct_size;
+  int32_t solver;               /**< FUM_SOLVER_; default automatic */
+  int32_t device;               /**< FUM_DEVICE_; default auto */
+  int32_t leaf_size;            /**< an octree cell is subdivided above this many particles, 1..4096 */
+  int32_t light_samples;        /**< most sample points of a soft light, 1..1024; default 16. Lights that look small
+                                     from all the smoke take fewer */
+  float tolerance;              /**< relative error that lighting and drawing may cause, 1e-4..0.5; default 0.01.
+                                     Transmittance to a light is kept within a tenth of it */
+  float shadowing_density;      /**< artistic: factor on optical depth towards lights, at least 0; default 1 */
+  float solid_shadow_intensity; /**< artistic: share of a light's power that solids block, 0..1; default 1 */
+  float subsampling;            /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
+                                     id, their density rescaled; default 1 */
+  float intersection_scale;     /**< artistic: factor on particles' radius towards lights, 0.01..100; default 1 */
+} fum_settings;
+
+FUM_API void fum_settings_init(fum_settings *settings);
+
+/** A pinhole or orthographic camera looking along its local -Z. */
+typedef struct fum_camera {
+  uint32_t struct_size;
+  int32_t type;                 /**< FUM_CAMERA_; default perspective */
+  double world_from_camera[16]; /**< rotation and translation; scale is removed. Default identity */
+  double window[4];             /**< left, right, bottom, top of the picture at unit depth (perspective) or in metres
+                                     (orthographic); left < right, bottom < top; default -1, 1, -1, 1 */
+  double clip_start, clip_end;  /**< depth along the axis, m, 0 <= start < end; default 0.1, 1000. Smoke nearer than
+                                     clip_start or farther than clip_end isn't drawn */
+  int32_t width, height;        /**< pixels, 1..65536; default 512, 512 */
+} fum_camera;
+
+FUM_API void fum_camera_init(fum_camera *camera);
+
+/* ---- Render ----------------------------------------------------------------------------------------------------- */
+
+/** What a pass is. The pass table is the one list of passes; hosts register from it. */
+typedef struct fum_pass_info {
+  int32_t pass;            /**< FUM_PASS_ */
+  int32_t channel_count;
+  const char *name;        /**< "Combined", "Depth" */
+  const char *channels;    /**< a letter a channel: "RGBA", "Z" */
+  const char *kind;        /**< "COLOR", "VALUE" or "VECTOR" */
+  const char *description; /**< a sentence with units */
+} fum_pass_info;
+
+/** Pass `index` of the table in `*out_info`; FUM_ERROR_ARGUMENT past its end. */
+FUM_API int32_t fum_pass_get(int32_t index, fum_pass_info *out_info);
+
+/** A pass asked for and where its pixels go. Only what is asked for is computed. */
+typedef struct fum_pass_buffer {
+  int32_t pass;           /**< FUM_PASS_ */
+  int32_t reserved;       /**< 0 */
+  float *pixels;          /**< [height][width][channel_count], written only when the render succeeds */
+  int64_t pixels_size;    /**< number of floats at `pixels`; checked */
+} fum_pass_buffer;
+
+/** What a render did. */
+typedef struct fum_render_stats {
+  uint32_t struct_size;
+  int32_t light_count;
+  int32_t light_sample_count;  /**< sample points over all lights */
+  int32_t solver;              /**< FUM_SOLVER_ that ran */
+  int64_t particle_count;      /**< in the scene */
+  int64_t drawn_count;         /**< in front of the camera and within its frame */
+  int64_t triangle_count;
+  uint64_t memory_bytes;       /**< largest amount the scene and the render held at once, drawing device not counted */
+  double build_s;              /**< octree and mesh hierarchy; 0 when kept from an earlier call */
+  double light_s;
+  double sort_s;
+  double draw_s;
+  double passes_s;             /**< passes other than Combined */
+  double total_s;
+  char device[128];            /**< name of what drew, "" when nothing was */
+} fum_render_stats;
+
+FUM_API void fum_render_stats_init(fum_render_stats *stats);
+
+/**
+ * Lights and draws the scene. `settings` may be NULL (defaults), `out_stats` may be NULL.
+ * Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
+ * from the camera passes one half, else that of the solid there, else clip_end.
+ */
+FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
+                           const fum_pass_buffer *passes, fum_render_stats *out_stats);
+
+/**
+ * Share of a light that reaches points through smoke and past solids, 0..1; a soft light's sample points are averaged.
+ * `positions` [3 count] world space, `out_transmittance` [count].
+ */
+FUM_API int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                                        const float *positions, float *out_transmittance);
+
+/**
+ * Light that arrives at points through smoke and past solids: irradiance of a surface with the unit `normals`
+ * [3 count], or without cosine if NULL (what a small puff of smoke receives). `out_irradiance` [3 count], W/m^2.
+ */
+FUM_API int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                                     const float *positions, const float *normals, float *out_irradiance);
+
+/* ---- Output ----------------------------------------------------------------------------------------------------- */
+
+/** One layer of an OpenEXR file; its channels are called `name`.`letter`, or just the letter when name is "". */
+typedef struct fum_image_layer {
+  const char *name;
+  const char *channels; /**< a letter a channel, e.g. "RGBA" */
+  const float *pixels;  /**< [height][width][number of letters], first row at the bottom */
+} fum_image_layer;
+
+/** Writes a 32-bit float, ZIP-compressed scanline OpenEXR file. `path` is UTF-8. An existing file is replaced in one
+ *  step once the new one is complete; on failure it stays as it was. */
+FUM_API int32_t fum_exr_write(fum_context *context, const char *path, int32_t width, int32_t height,
+                              int32_t layer_count, const fum_image_layer *layers);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
