@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The density octree (paper, 3.1): particles as points in Morton order, cells subdivided only where they hold more than
+ * the leaf size. Loose: a particle's radius may reach over its cell; each node knows how far its own particles reach. */
+#ifndef FUM_OCTREE_OCTREE_H
+#define FUM_OCTREE_OCTREE_H
+
+#include "scene/scene.h"
+
+typedef struct fum_octree_node {
+  float lower[3], upper[3];   /* box of the centres, local space */
+  uint32_t begin, count;      /* its particles */
+  uint32_t children;          /* index of the first child; children are consecutive. 0: a leaf */
+  uint8_t octants;            /* bit o is set: there is a child in octant o (x is bit 0) */
+} fum_octree_node;
+
+typedef struct fum_octree {
+  double origin[3];    /* world position of local zero */
+  int64_t count;       /* particles */
+  uint32_t *indices;   /* [count] index that the particle was built with, in Morton order */
+  float *x, *y, *z;    /* [count] local space */
+  float *inverse_sigmas, *optical_depths; /* [count] of one particle, through its centre; NULL in an octree of points */
+  int64_t node_count;
+  fum_octree_node *nodes; /* node 0 is the root; a child comes after its parent; none if there are no particles */
+} fum_octree;
+
+typedef struct fum_octree_options {
+  int32_t leaf_size;
+  float subsampling; /* share of the particles that go in, chosen by identity; their density is divided by it */
+} fum_octree_options;
+
+/* Octree of the scene's particles; indices are scene indices. */
+int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *options, fum_octree **out_octree);
+
+/* Octree of points without density, [3 count] in world space; indices are the points'. */
+int32_t fum_octree_build_points(fum_context *context, const double origin[3], int64_t count, const float *positions,
+                                int32_t leaf_size, fum_octree **out_octree);
+
+void fum_octree_destroy(fum_context *context, fum_octree *octree);
+
+#endif

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "base/vector.h"
+#include "scene/scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void fum_light_desc_init(fum_light_desc *desc) {
+  *desc = (fum_light_desc){.struct_size = sizeof *desc,
+                           .intensity = {1.0F, 1.0F, 1.0F},
+                           .spot_angle = (float)(FUM_PI / 4.0),
+                           .spot_blend = 0.15F,
+                           .area_size = {1.0F, 1.0F},
+                           .area_spread = (float)FUM_PI};
+  for (int i = 0; i < 4; i++) desc->world_from_light[5 * i] = 1.0;
+}
+
+static int32_t check_range(fum_context *context, const char *name, const char *field, float value, float low, float high) {
+  if (value >= low && value <= high) return FUM_OK;
+  return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %s %g is not within %g..%g", name, field, (double)value, (double)low,
+                  (double)high);
+}
+
+static int32_t check_shape(fum_context *context, const fum_light_desc *d, const char *name) {
+  const float tiny = 1e-6F, pi = 3.1415929F; /* the float just above pi is accepted */
+  int32_t status = FUM_OK;
+  if (d->type == FUM_LIGHT_POINT || d->type == FUM_LIGHT_SPOT) {
+    status = check_range(context, name, "radius", d->radius, 0.0F, 1e18F);
+  }
+  if (status == FUM_OK && d->type == FUM_LIGHT_SPOT) {
+    status = check_range(context, name, "spot_angle", d->spot_angle, tiny, pi);
+    if (status == FUM_OK) status = check_range(context, name, "spot_blend", d->spot_blend, 0.0F, 1.0F);
+  }
+  if (status == FUM_OK && d->type == FUM_LIGHT_SUN) status = check_range(context, name, "sun_angle", d->sun_angle, 0.0F, pi);
+  if (status == FUM_OK && d->type == FUM_LIGHT_AREA) {
+    status = check_range(context, name, "area_spread", d->area_spread, tiny, pi);
+    for (int axis = 0; axis < 2 && status == FUM_OK; axis++) {
+      status = check_range(context, name, "area_size", d->area_size[axis], 0.0F, 1e18F);
+    }
+    if (status == FUM_OK && d->area_shape != FUM_AREA_RECTANGLE && d->area_shape != FUM_AREA_ELLIPSE) {
+      status = fum_fail(context, FUM_ERROR_ARGUMENT, "%s: area_shape %d is unknown", name, (int)d->area_shape);
+    }
+  }
+  return status;
+}
+
+static int32_t check_desc(fum_context *context, const fum_light_desc *d, const char *name) {
+  if (d->type < FUM_LIGHT_POINT || d->type > FUM_LIGHT_AREA) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: light type %d is unknown", name, (int)d->type);
+  }
+  if (!fum_all_finite(d->world_from_light, 16)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix is not finite", name);
+  }
+  for (int c = 0; c < 3; c++) {
+    if (!(d->intensity[c] >= 0.0F && isfinite(d->intensity[c]))) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: intensity %g is negative or not finite", name,
+                      (double)d->intensity[c]);
+    }
+  }
+  double axis[3];
+  const bool is_directed = d->type != FUM_LIGHT_POINT;
+  for (int column = 0; is_directed && column < 3; column++) {
+    if (!fum_matrix_axis(d->world_from_light, column, axis)) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix has no scale along axis %d", name, column);
+    }
+  }
+  return check_shape(context, d, name);
+}
+
+int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
+  fum_context *context = scene->context;
+  if (desc == NULL || desc->struct_size < sizeof *desc) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "light: the description has no valid struct_size");
+  }
+  const char *name = desc->name != NULL ? desc->name : "light";
+  const int32_t status = check_desc(context, desc, name);
+  if (status != FUM_OK) return status;
+  fum_light *grown = realloc(scene->lights, (size_t)(scene->light_count + 1) * sizeof *grown);
+  if (grown != NULL) scene->lights = grown;
+  char *copy = strdup(name);
+  if (grown == NULL || copy == NULL) {
+    free(copy);
+    return fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for another light", name);
+  }
+  scene->lights[scene->light_count] = (fum_light){.name = copy, .desc = *desc};
+  scene->lights[scene->light_count++].desc.name = NULL;
+  return FUM_OK;
+}
+
+void fum_scene_clear_lights(fum_scene *scene) {
+  for (int32_t i = 0; i < scene->light_count; i++) free(scene->lights[i].name);
+  free(scene->lights);
+  scene->lights = NULL;
+  scene->light_count = 0;
+}

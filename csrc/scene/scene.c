@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "scene/scene.h"
+
+#include "base/vector.h"
+
+#include <stdlib.h>
+
+void fum_scene_free_particles(fum_scene *scene);
+void fum_scene_free_meshes(fum_scene *scene);
+
+int32_t fum_scene_create(fum_context *context, fum_scene **out_scene) {
+  if (out_scene == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "fum_scene_create: out_scene is null");
+  fum_scene *scene = calloc(1, sizeof *scene);
+  if (scene == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for a scene");
+  scene->context = context;
+  *out_scene = scene;
+  return FUM_OK;
+}
+
+void fum_scene_destroy(fum_scene *scene) {
+  if (scene == NULL) return;
+  fum_scene_drop_caches(scene);
+  fum_scene_free_particles(scene);
+  fum_scene_free_meshes(scene);
+  fum_scene_clear_lights(scene);
+  free(scene);
+}
+
+typedef struct bounds {
+  double lower[3], upper[3];
+} bounds;
+
+static void extend(bounds *box, const double point[3]) {
+  for (int axis = 0; axis < 3; axis++) {
+    box->lower[axis] = fmin(box->lower[axis], point[axis]);
+    box->upper[axis] = fmax(box->upper[axis], point[axis]);
+  }
+}
+
+void fum_scene_find_origin(fum_scene *scene) {
+  bounds box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+    for (int64_t i = 0; i < set->count; i++) {
+      const float *p = set->positions + 3 * i;
+      extend(&box, (double[3]){(double)p[0], (double)p[1], (double)p[2]});
+    }
+  }
+  for (int32_t m = 0; scene->particle_count == 0 && m < scene->mesh_count; m++) {
+    const fum_mesh *mesh = &scene->meshes[m];
+    for (int64_t i = 0; i < mesh->vertex_count; i++) {
+      const float *v = mesh->vertices + 3 * i;
+      double world[3];
+      fum_transform_point(mesh->world_from_local, (double[3]){(double)v[0], (double)v[1], (double)v[2]}, world);
+      extend(&box, world);
+    }
+  }
+  for (int axis = 0; axis < 3; axis++) {
+    const double middle = 0.5 * (box.lower[axis] + box.upper[axis]);
+    scene->origin[axis] = isfinite(middle) ? middle : 0.0;
+  }
+}

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* What is to be rendered, as it was described, checked and owned. */
+#ifndef FUM_SCENE_SCENE_H
+#define FUM_SCENE_SCENE_H
+
+#include "base/context.h"
+
+/* A set of particles in the order of their ids; NULL arrays mean the uniform value beside them. */
+typedef struct fum_particles {
+  char *name;
+  int64_t offset; /* scene index of its first particle */
+  int64_t count;
+  float anisotropy;
+  float *positions; /* [3 count] world space */
+  float *sigmas;    /* [count] m */
+  float *densities; /* [count] peak extinction, 1/m */
+  float *albedos, *emissions, *velocities; /* [3 count] or NULL */
+  uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
+  float albedo[3], emission[3];
+} fum_particles;
+
+typedef struct fum_mesh {
+  char *name;
+  uint32_t visibility;
+  int64_t vertex_count, triangle_count;
+  float *vertices;     /* [3 vertex_count] local space */
+  uint32_t *triangles; /* [3 triangle_count] */
+  double world_from_local[16];
+} fum_mesh;
+
+typedef struct fum_light {
+  char *name;
+  fum_light_desc desc; /* name not to be used: it belongs to the caller */
+} fum_light;
+
+struct fum_scene {
+  fum_context *context;
+  fum_particles *particles;
+  int32_t particles_count; /* sets */
+  int64_t particle_count;  /* over all sets */
+  fum_mesh *meshes;
+  int32_t mesh_count;
+  fum_light *lights;
+  int32_t light_count;
+  double origin[3];         /* what is built from the scene lives in coordinates relative to this point... */
+  struct fum_caches *caches; /* ...and is kept here by api/, until particles or meshes change */
+};
+
+/* Set of the particle with this scene index. */
+const fum_particles *fum_scene_particles_of(const fum_scene *scene, int64_t index);
+
+/* Id that tells a particle from all others of the scene, stable while its set keeps its place. */
+uint64_t fum_particle_identity(const fum_scene *scene, const fum_particles *set, int64_t index_in_set);
+
+/* Sets scene->origin to the middle of all particles (of all meshes where there are none), so that float coordinates
+ * stay precise however far from the world's origin the scene stands. */
+void fum_scene_find_origin(fum_scene *scene);
+
+/* Frees what was built from particles and meshes. Defined by api/, which owns the caches. */
+void fum_scene_drop_caches(fum_scene *scene);
+
+#endif
