@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The camera: Blender's lens, sensor and shift turned into a window at unit depth."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _abi, _arrays
+from ._library import library
+from .errors import argument_error
+
+TYPES = {"PERSPECTIVE": _abi.FUM_CAMERA_PERSPECTIVE, "ORTHOGRAPHIC": _abi.FUM_CAMERA_ORTHOGRAPHIC}
+SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
+
+
+@dataclasses.dataclass(init=False, frozen=True, eq=False)
+class Camera:
+    """A pinhole or orthographic camera that looks along its -Z. Made by Camera(...), from_window() or crop().
+
+    matrix: (4, 4) float64, world from camera.
+    window: (left, right, bottom, top) of the picture at unit depth, in metres for an orthographic camera.
+    width, height: pixels. type: "PERSPECTIVE" or "ORTHOGRAPHIC". clip: (start, end), depth along the axis, m.
+    """
+
+    matrix: NDArray[np.float64]
+    window: tuple[float, float, float, float]
+    width: int
+    height: int
+    type: str
+    clip: tuple[float, float]
+
+    def __init__(
+        self,
+        matrix: ArrayLike | None = None,
+        lens: float = 50.0,
+        sensor: float = 36.0,
+        sensor_height: float = 24.0,
+        sensor_fit: str = "AUTO",
+        width: int = 512,
+        height: int = 512,
+        type: str = "PERSPECTIVE",
+        ortho_scale: float = 6.0,
+        shift: tuple[float, float] = (0.0, 0.0),
+        pixel_aspect: tuple[float, float] = (1.0, 1.0),
+        clip: tuple[float, float] = (0.1, 1000.0),
+    ) -> None:
+        """A camera by Blender's settings.
+
+        matrix: (4, 4) world from camera; its scale is ignored. Default identity.
+        lens, sensor, sensor_height: mm, above 0. sensor_fit: "AUTO", "HORIZONTAL" or "VERTICAL"; sensor_height is
+            used by "VERTICAL" alone.
+        width, height: pixels of the whole picture, 1..65536.
+        ortho_scale: m, the larger side of an "ORTHOGRAPHIC" camera's view.
+        shift: in units of the fitted side. pixel_aspect: width and height of a pixel, above 0.
+        clip: nearest and farthest depth along the axis, m, 0 <= start < end.
+
+        Raises FumaroleError for values out of range (those of clip, width and height when it is used).
+        """
+        if sensor_fit not in SENSOR_FITS:
+            raise argument_error(f"camera: sensor_fit is {sensor_fit!r}, expected one of {', '.join(SENSOR_FITS)}")
+        positive = {"lens": lens, "sensor": sensor, "sensor_height": sensor_height, "ortho_scale": ortho_scale}
+        positive |= {"width": width, "height": height, "pixel_aspect": min(pixel_aspect)}
+        for name, value in positive.items():
+            if not _arrays.number(value, f"camera: {name}") > 0:
+                raise argument_error(f"camera: {name} is {value}, expected above 0")
+        aspect = pixel_aspect[1] / pixel_aspect[0]
+        horizontal = sensor_fit == "HORIZONTAL" or (sensor_fit == "AUTO" and width >= height * aspect)
+        fitted = width if horizontal else height * aspect
+        side = sensor_height if sensor_fit == "VERTICAL" else sensor
+        pixel = (ortho_scale if type == "ORTHOGRAPHIC" else side / lens) / fitted
+        center_x, center_y = shift[0] * fitted, shift[1] * fitted
+        half_x, half_y = width / 2, height * aspect / 2
+        window = (center_x - half_x, center_x + half_x, center_y - half_y, center_y + half_y)
+        self._set(matrix, tuple(edge * pixel for edge in window), width, height, type, clip)
+
+    @classmethod
+    def from_window(
+        cls,
+        matrix: ArrayLike | None,
+        window: tuple[float, float, float, float],
+        width: int,
+        height: int,
+        type: str = "PERSPECTIVE",
+        clip: tuple[float, float] = (0.1, 1000.0),
+    ) -> Camera:
+        """A camera by its window (left, right, bottom, top) at unit depth, or in metres if "ORTHOGRAPHIC"."""
+        camera = cls.__new__(cls)
+        camera._set(matrix, window, width, height, type, clip)
+        return camera
+
+    def crop(self, x0: int, y0: int, x1: int, y1: int) -> Camera:
+        """The camera of the part of the picture from pixel (x0, y0) up to, not including, (x1, y1).
+
+        Pixels count from the lower left. The part need not lie within the picture. Raises FumaroleError when empty.
+        """
+        if not (x0 < x1 and y0 < y1):
+            raise argument_error(f"camera: the crop from ({x0}, {y0}) to ({x1}, {y1}) is empty")
+        left, right, bottom, top = self.window
+        step_x, step_y = (right - left) / self.width, (top - bottom) / self.height
+        window = (left + x0 * step_x, left + x1 * step_x, bottom + y0 * step_y, bottom + y1 * step_y)
+        return self.from_window(self.matrix, window, x1 - x0, y1 - y0, self.type, self.clip)
+
+    def _set(
+        self,
+        matrix: ArrayLike | None,
+        window: tuple[float, ...],
+        width: int,
+        height: int,
+        type: str,
+        clip: tuple[float, float],
+    ) -> None:
+        if type not in TYPES:
+            raise argument_error(f"camera: type is {type!r}, expected one of {', '.join(TYPES)}")
+        values = (_arrays.matrix(matrix, "camera: matrix"), tuple(map(float, window)), int(width), int(height))
+        for field, value in zip(dataclasses.fields(self), (*values, type, tuple(map(float, clip)))):
+            object.__setattr__(self, field.name, value)
+
+    def struct(self) -> _abi.fum_camera:
+        """The C description."""
+        camera = _abi.fum_camera()
+        library().fum_camera_init(ctypes.byref(camera))
+        camera.type = TYPES[self.type]
+        camera.world_from_camera[:] = self.matrix.ravel()
+        camera.window[:] = self.window
+        camera.clip_start, camera.clip_end = self.clip
+        camera.width, camera.height = self.width, self.height
+        return camera

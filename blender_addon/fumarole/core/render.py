@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendering passes, and asking for the light at single points."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _abi, _arrays
+from ._library import library
+from .camera import Camera
+from .errors import argument_error
+from .passes import Pass, passes as pass_table
+from .scene import Scene
+from .settings import SOLVERS, Settings
+
+Pixels = NDArray[np.float32]
+
+
+@dataclasses.dataclass(frozen=True)
+class Stats:
+    """What a render did. Times in seconds."""
+
+    light_count: int
+    light_sample_count: int
+    """sample points over all lights"""
+    solver: str
+    """the one that ran"""
+    particle_count: int
+    """in the scene"""
+    drawn_count: int
+    """in front of the camera and within its frame"""
+    triangle_count: int
+    memory_bytes: int
+    """largest amount the scene and the render held at once, drawing device not counted"""
+    build_s: float
+    """octree and mesh hierarchy; 0 when kept from an earlier call"""
+    light_s: float
+    sort_s: float
+    draw_s: float
+    passes_s: float
+    """passes other than Combined"""
+    total_s: float
+    device: str
+    """name of what drew, "" when nothing was"""
+
+    @classmethod
+    def from_struct(cls, struct: _abi.fum_render_stats) -> Stats:
+        values = {field.name: getattr(struct, field.name) for field in dataclasses.fields(cls)}
+        values["solver"] = next(name for name, value in SOLVERS.items() if value == struct.solver)
+        values["device"] = struct.device.decode()
+        return cls(**values)
+
+
+class Result(Mapping[str, Pixels]):
+    """The rendered passes by name: result["Combined"] is float32 (height, width, channels), first row at the bottom.
+
+    stats: a Stats. warnings: those of the scene's context until the end of this render.
+    """
+
+    def __init__(self, pixels: dict[str, Pixels], stats: Stats, warnings: list[str]) -> None:
+        self._pixels = pixels
+        self.stats = stats
+        self.warnings = warnings
+
+    def __getitem__(self, name: str) -> Pixels:
+        return self._pixels[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._pixels)
+
+    def __len__(self) -> int:
+        return len(self._pixels)
+
+
+def render(
+    scene: Scene, camera: Camera, settings: Settings | None = None, passes: Sequence[str] = ("Combined", "Depth")
+) -> Result:
+    """Lights and draws `scene` for `camera`. Only the passes asked for are computed; core.PASSES lists them.
+
+    Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
+    passes one half, else that of the solid there, else the clip end.
+    Raises FumaroleError, Cancelled, and whatever the progress callback raised.
+    """
+    wanted = [_find_pass(name) for name in dict.fromkeys(passes)]
+    view = camera.struct()
+    if not (0 < camera.width <= 65536 and 0 < camera.height <= 65536):
+        raise argument_error(f"camera: the picture is {camera.width} x {camera.height} pixels, expected 1..65536")
+    pixels = {item.name: np.empty((camera.height, camera.width, len(item.channels)), np.float32) for item in wanted}
+    buffers = (_abi.fum_pass_buffer * max(1, len(wanted)))()
+    for buffer, item in zip(buffers, wanted):
+        setattr(buffer, "pass", item.number)
+        buffer.pixels = _arrays.pointer(pixels[item.name])
+        buffer.pixels_size = pixels[item.name].size
+    stats = _abi.fum_render_stats()
+    library().fum_render_stats_init(ctypes.byref(stats))
+    scene.context.call(
+        "fum_render",
+        scene.handle,
+        ctypes.byref(view),
+        _settings(settings),
+        len(wanted),
+        buffers,
+        ctypes.byref(stats),
+    )
+    return Result(pixels, Stats.from_struct(stats), scene.context.warnings)
+
+
+def transmittance(
+    scene: Scene, points: ArrayLike, light: int = 0, settings: Settings | None = None
+) -> NDArray[np.float32]:
+    """Share of light number `light` that reaches `points` (n, 3) through smoke and past solids: (n,), 0..1.
+
+    A soft light's sample points are averaged. Raises FumaroleError.
+    """
+    positions = _arrays.rows(points, 3, "points")
+    shares = np.empty(len(positions), np.float32)
+    scene.context.call(
+        "fum_scene_transmittance",
+        scene.handle,
+        _settings(settings),
+        _arrays.whole(light, "light"),
+        len(positions),
+        _arrays.pointer(positions),
+        _arrays.pointer(shares),
+    )
+    return shares
+
+
+def irradiance(
+    scene: Scene,
+    points: ArrayLike,
+    light: int = 0,
+    normals: ArrayLike | None = None,
+    settings: Settings | None = None,
+) -> NDArray[np.float32]:
+    """Light of number `light` that arrives at `points` (n, 3) through smoke and past solids: (n, 3) RGB, W/m^2.
+
+    normals: (n, 3) or (3,), of length 1: the irradiance of a surface. None: without the cosine, what a small puff of
+    smoke receives. Raises FumaroleError.
+    """
+    positions = _arrays.rows(points, 3, "points")
+    directions = None
+    if normals is not None:
+        directions = _arrays.floats(normals, "normals")
+        if directions.shape == (3,):
+            directions = np.tile(directions, (len(positions), 1))
+        directions = _arrays.rows(directions, 3, "normals", len(positions))
+    colors = np.empty((len(positions), 3), np.float32)
+    scene.context.call(
+        "fum_scene_irradiance",
+        scene.handle,
+        _settings(settings),
+        _arrays.whole(light, "light"),
+        len(positions),
+        _arrays.pointer(positions),
+        None if directions is None else _arrays.pointer(directions),
+        _arrays.pointer(colors),
+    )
+    return colors
+
+
+def _settings(settings: Settings | None) -> Any:
+    """Pointer to the C settings, or None for the defaults."""
+    return None if settings is None else ctypes.byref(settings.struct())
+
+
+def _find_pass(name: str) -> Pass:
+    table = pass_table()
+    if name not in table:
+        raise argument_error(f"there is no pass {name!r}; passes are {', '.join(table)}")
+    return table[name]
