@@ -15,13 +15,14 @@ enum { MORTON_BITS = 21, MORTON_LEVELS = MORTON_BITS };
 static int32_t allocate(fum_context *context, int64_t count, bool has_density, fum_octree *octree) {
   const char *what = "density octree";
   octree->count = count;
+  const int64_t padded = count + FUM_OCTREE_PAD;
   int32_t status = fum_alloc(context, count, sizeof *octree->indices, what, &octree->indices);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *octree->x, what, &octree->x);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *octree->y, what, &octree->y);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *octree->z, what, &octree->z);
+  if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->x, what, &octree->x);
+  if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->y, what, &octree->y);
+  if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->z, what, &octree->z);
   if (status != FUM_OK || !has_density) return status;
-  status = fum_alloc(context, count, sizeof *octree->inverse_sigmas, what, &octree->inverse_sigmas);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *octree->optical_depths, what, &octree->optical_depths);
+  status = fum_alloc(context, padded, sizeof *octree->inverse_sigmas, what, &octree->inverse_sigmas);
+  if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->optical_depths, what, &octree->optical_depths);
   return status;
 }
 

@@ -13,6 +13,9 @@ typedef struct fum_octree_node {
   uint8_t octants;            /* bit o is set: there is a child in octant o (x is bit 0) */
 } fum_octree_node;
 
+/* Float arrays have this many readable entries behind their last, so that vector loads may run over. */
+enum { FUM_OCTREE_PAD = 16 };
+
 typedef struct fum_octree {
   double origin[3];    /* world position of local zero */
   int64_t count;       /* particles */

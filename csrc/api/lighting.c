@@ -1,0 +1,132 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "api/lighting.h"
+
+#include "api/settings.h"
+#include "lighting/inscatter.h"
+
+#include <string.h>
+
+/* The tolerance is for the picture; transmittance to a light is kept within a tenth of it. Half of that may be lost by
+ * not hearing far particles, half by ending walks early. */
+static const float TRANSMITTANCE_SHARE = 0.1F;
+
+int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,
+                           fum_lighting *out_lighting) {
+  fum_context *context = scene->context;
+  const float error = 0.5F * TRANSMITTANCE_SHARE * settings->tolerance;
+  fum_lighting lighting = {
+      .medium = {.octree = scene->caches->density,
+                 .sigma_scale = settings->intersection_scale,
+                 .depth_scale = settings->shadowing_density * settings->intersection_scale,
+                 .depth_limit = -logf(error)},
+  };
+  int32_t status = fum_reach_find(context, lighting.medium.octree, error, settings->intersection_scale,
+                                  settings->shadowing_density, &lighting.medium.reaches);
+  if (status == FUM_OK) status = fum_receivers_group(context, receivers, &lighting.receivers);
+  if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
+  if (status != FUM_OK) {
+    fum_lighting_end(context, &lighting);
+    return status;
+  }
+  *out_lighting = lighting;
+  out_lighting->gathering = (fum_gathering){.context = context,
+                                            .medium = &out_lighting->medium,
+                                            .solids = scene->caches->solids,
+                                            .solid_shadow_intensity = settings->solid_shadow_intensity,
+                                            .receivers = &out_lighting->receivers};
+  return FUM_OK;
+}
+
+void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
+  fum_free(context, &lighting->medium.reaches);
+  fum_free(context, &lighting->lamps);
+  fum_receivers_free(context, &lighting->receivers);
+}
+
+/* What a surface makes of light: the cosine to its normal, or 1 without normals. */
+typedef struct surface {
+  const uint32_t *indices; /* of the receivers' points in the caller's arrays */
+  const float *normals;    /* NULL: none */
+} surface;
+
+static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
+  const surface *s = user;
+  if (s->normals == NULL) return 1.0F;
+  const float *n = s->normals + 3 * (int64_t)s->indices[receiver];
+  return fmaxf(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
+}
+
+static int32_t check_points(fum_scene *scene, int32_t light, int64_t count, const float *positions, const float *out) {
+  fum_context *context = scene->context;
+  if (light < 0 || light >= scene->light_count) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "light %d is not one of the scene's %d lights", (int)light,
+                    (int)scene->light_count);
+  }
+  if (count < 0 || count > UINT32_MAX - 1 || (count > 0 && (positions == NULL || out == NULL))) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "points: count %lld is out of range or an array is null",
+                    (long long)count);
+  }
+  for (int64_t i = 0; i < 3 * count; i++) {
+    if (!isfinite(positions[i])) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "points: position %lld is not finite", (long long)(i / 3));
+    }
+  }
+  return FUM_OK;
+}
+
+/* Factors on the light's colour at points, in the caller's order. `normals` are used if `has_response`. */
+static int32_t light_points(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                            const float *positions, const float *normals, bool has_response, float *out_factors) {
+  fum_context *context = scene->context;
+  fum_octree *points = NULL;
+  fum_lighting lighting = {0};
+  float *factors = NULL;
+  fum_settings checked;
+  fum_progress_begin(context);
+  int32_t status = fum_settings_check(context, settings, &checked);
+  if (status == FUM_OK) status = fum_caches_update(scene, &checked);
+  if (status == FUM_OK) {
+    status = fum_octree_build_points(context, scene->origin, count, positions, FUM_GROUP_SIZE, &points);
+  }
+  if (status == FUM_OK) status = fum_lighting_begin(scene, &checked, points, &lighting);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
+  if (status != FUM_OK) goto done;
+  const surface surfaces = {points->indices, normals};
+  lighting.gathering.response = has_response ? respond : NULL;
+  lighting.gathering.response_user = &surfaces;
+  status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);
+  if (status != FUM_OK) goto done;
+  for (int64_t i = 0; i < count; i++) out_factors[points->indices[i]] = factors[i];
+done:
+  fum_free(context, &factors);
+  fum_lighting_end(context, &lighting);
+  fum_octree_destroy(context, points);
+  return status;
+}
+
+int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                                const float *positions, float *out_transmittance) {
+  const int32_t status = check_points(scene, light, count, positions, out_transmittance);
+  if (status != FUM_OK) return status;
+  return light_points(scene, settings, light, count, positions, NULL, false, out_transmittance);
+}
+
+int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                             const float *positions, const float *normals, float *out_irradiance) {
+  fum_context *context = scene->context;
+  int32_t status = check_points(scene, light, count, positions, out_irradiance);
+  if (status != FUM_OK) return status;
+  for (int64_t i = 0; normals != NULL && i < 3 * count; i++) {
+    if (!isfinite(normals[i])) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "points: normal %lld is not finite", (long long)(i / 3));
+    }
+  }
+  float *factors = NULL;
+  status = fum_alloc(context, count, sizeof *factors, "points", &factors);
+  if (status == FUM_OK) status = light_points(scene, settings, light, count, positions, normals, true, factors);
+  for (int64_t i = 0; status == FUM_OK && i < count; i++) {
+    for (int c = 0; c < 3; c++) out_irradiance[3 * i + c] = scene->lights[light].desc.intensity[c] * factors[i];
+  }
+  fum_free(context, &factors);
+  return status;
+}

@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Everything that lighting needs of a scene, set up once for a call. */
+#ifndef FUM_API_LIGHTING_H
+#define FUM_API_LIGHTING_H
+
+#include "api/caches.h"
+#include "lighting/gather.h"
+#include "octree/beam.h"
+
+typedef struct fum_lighting {
+  fum_medium medium;
+  fum_receivers receivers;
+  fum_lamp *lamps; /* [light_count] */
+  fum_gathering gathering;
+} fum_lighting;
+
+/* `receivers` is the octree of the points to be lit. The scene's caches must be current. */
+int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,
+                           fum_lighting *out_lighting);
+void fum_lighting_end(fum_context *context, fum_lighting *lighting);
+
+#endif

@@ -1,0 +1,215 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "api/caches.h"
+#include "api/lighting.h"
+#include "api/settings.h"
+#include "billboard/arrange.h"
+#include "billboard/gl.h"
+#include "lighting/inscatter.h"
+#include "octree/beam.h"
+#include "pass/depth.h"
+#include "pass/table.h"
+
+#include <string.h>
+
+void fum_render_stats_init(fum_render_stats *stats) { *stats = (fum_render_stats){.struct_size = sizeof *stats}; }
+
+/* One call of fum_render: what it was asked for and what it has made so far. */
+typedef struct render {
+  fum_context *context;
+  fum_scene *scene;
+  fum_settings settings;
+  fum_view view;
+  float *solid_depths; /* [height][width]; NULL: no solid in front of the camera */
+  float *combined;     /* [height][width][4]; NULL: not asked for */
+  float *depth;        /* [height][width]; NULL: not asked for */
+  fum_render_stats stats;
+} render;
+
+static int64_t pixel_count(const render *r) { return (int64_t)r->view.width * r->view.height; }
+
+static int32_t check_passes(fum_context *context, const fum_view *view, int32_t pass_count,
+                            const fum_pass_buffer *passes) {
+  if (pass_count < 1 || passes == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "no pass was asked for");
+  for (int32_t i = 0; i < pass_count; i++) {
+    const fum_pass_info *info = fum_pass_find(passes[i].pass);
+    if (info == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)passes[i].pass);
+    const int64_t needed = (int64_t)view->width * view->height * info->channel_count;
+    if (passes[i].pixels == NULL || passes[i].pixels_size != needed) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed", info->name,
+                      (long long)passes[i].pixels_size, (long long)needed);
+    }
+  }
+  return FUM_OK;
+}
+
+static int32_t allocate_passes(render *r, int32_t pass_count, const fum_pass_buffer *passes) {
+  int32_t status = FUM_OK;
+  for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
+    if (passes[i].pass == FUM_PASS_COMBINED && r->combined == NULL) {
+      status = fum_alloc(r->context, pixel_count(r), 4 * sizeof(float), "pass Combined", &r->combined);
+    } else if (passes[i].pass == FUM_PASS_DEPTH && r->depth == NULL) {
+      status = fum_alloc(r->context, pixel_count(r), sizeof(float), "pass Depth", &r->depth);
+    }
+  }
+  return status;
+}
+
+/* Depth of the nearest solid for every pixel's centre. */
+static int32_t find_solid_depths(render *r) {
+  const fum_solids *solids = r->scene->caches->solids;
+  if (!fum_solids_hide_from_camera(solids)) return FUM_OK;
+  int32_t status = fum_alloc(r->context, pixel_count(r), sizeof(float), "depth of solids", &r->solid_depths);
+  if (status != FUM_OK) return status;
+  const fum_view *view = &r->view;
+#pragma omp parallel for num_threads(fum_thread_count(r->context)) schedule(dynamic, 8)
+  for (int32_t y = 0; y < view->height; y++) {
+    for (int32_t x = 0; x < view->width && !fum_is_cancelled(r->context); x++) {
+      double start[3], direction[3];
+      fum_view_ray(view, x + 0.5, y + 0.5, start, direction);
+      const fum_vec3 from = {(float)start[0], (float)start[1], (float)start[2]};
+      const fum_vec3 along = {(float)direction[0], (float)direction[1], (float)direction[2]};
+      r->solid_depths[(int64_t)y * view->width + x] =
+          fum_solids_hit(solids, from, along, (float)view->clip_start, (float)view->clip_end);
+    }
+  }
+  return fum_progress_report(r->context, FUM_STAGE_PASSES, 0.0F, "Finding solids");
+}
+
+static fum_viewpoint find_viewpoint(const fum_view *view) {
+  const double *m = view->local_from_camera;
+  return (fum_viewpoint){.is_directional = view->type == FUM_CAMERA_ORTHOGRAPHIC,
+                         .position = {(float)m[3], (float)m[7], (float)m[11]},
+                         .direction = {(float)m[2], (float)m[6], (float)m[10]}};
+}
+
+static int32_t light_particles(render *r, float **out_light) {
+  const double start_s = fum_now_s();
+  const fum_octree *all = r->scene->caches->all;
+  fum_lighting lighting = {0};
+  float *light = NULL;
+  int32_t status = fum_alloc(r->context, all->count, 3 * sizeof *light, "light of the particles", &light);
+  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  if (status != FUM_OK) goto done;
+  const fum_viewpoint viewpoint = find_viewpoint(&r->view);
+  status = fum_inscatter(r->scene, &lighting.gathering, lighting.lamps, &viewpoint, light);
+  if (status != FUM_OK) goto done;
+  for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  r->stats.light_s = fum_now_s() - start_s;
+  *out_light = light;
+  light = NULL;
+done:
+  fum_lighting_end(r->context, &lighting);
+  fum_free(r->context, &light);
+  return status;
+}
+
+/* Share of a billboard's optical depth that may lie outside of what is drawn: a quarter of the tolerance. */
+static float footprint_sigmas(float tolerance) { return sqrtf(2.0F * logf(4.0F / fminf(tolerance, 1.0F))); }
+
+static fum_frame make_frame(const render *r) {
+  const fum_view *view = &r->view;
+  fum_frame frame = {.type = view->type,
+                     .width = view->width,
+                     .height = view->height,
+                     .clip_start = (float)view->clip_start,
+                     .clip_end = (float)view->clip_end,
+                     .footprint_sigmas = footprint_sigmas(r->settings.tolerance),
+                     .solid_depths = r->solid_depths};
+  for (int i = 0; i < 4; i++) frame.window[i] = (float)view->window[i];
+  return frame;
+}
+
+static int32_t draw_billboards(render *r, const float *light) {
+  const fum_octree *all = r->scene->caches->all;
+  const fum_frame frame = make_frame(r);
+  uint32_t *ranks = NULL;
+  fum_billboard *billboards = NULL;
+  int64_t count = 0;
+  double start_s = fum_now_s();
+  int32_t status = fum_progress_report(r->context, FUM_STAGE_SORTING, 0.0F, "Sorting particles by depth");
+  if (status != FUM_OK) goto done;
+  status = fum_arrange_order(r->scene, all, &r->view, frame.footprint_sigmas, &ranks, &count);
+  if (status == FUM_OK) status = fum_alloc(r->context, count, sizeof *billboards, "billboards", &billboards);
+  if (status != FUM_OK) goto done;
+  fum_arrange_billboards(r->scene, all, &r->view, light, count, ranks, billboards);
+  r->stats.drawn_count = count;
+  r->stats.sort_s = fum_now_s() - start_s;
+  start_s = fum_now_s();
+  status = fum_gl_draw(r->context, &frame, count, billboards, r->combined, r->stats.device);
+  r->stats.draw_s = fum_now_s() - start_s;
+done:
+  fum_free(r->context, &billboards);
+  fum_free(r->context, &ranks);
+  return status;
+}
+
+static int32_t make_combined(render *r) {
+  float *light = NULL;
+  int32_t status = light_particles(r, &light);
+  if (status == FUM_OK) status = draw_billboards(r, light);
+  fum_free(r->context, &light);
+  return status;
+}
+
+static int32_t make_depth(render *r) {
+  const double start_s = fum_now_s();
+  const fum_octree *all = r->scene->caches->all;
+  float *reaches = NULL;
+  /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
+  int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, 1.0F, 1.0F, &reaches);
+  if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid_depths, r->depth);
+  fum_free(r->context, &reaches);
+  r->stats.passes_s = fum_now_s() - start_s;
+  return status;
+}
+
+static void hand_over(const render *r, int32_t pass_count, const fum_pass_buffer *passes) {
+  for (int32_t i = 0; i < pass_count; i++) {
+    const float *from = passes[i].pass == FUM_PASS_COMBINED ? r->combined : r->depth;
+    memcpy(passes[i].pixels, from, (size_t)passes[i].pixels_size * sizeof *from);
+  }
+}
+
+static void fill_stats(render *r) {
+  const fum_scene *scene = r->scene;
+  fum_render_stats *stats = &r->stats;
+  stats->light_count = scene->light_count;
+  stats->solver = FUM_SOLVER_EXACT;
+  stats->particle_count = scene->particle_count;
+  for (int32_t i = 0; i < scene->mesh_count; i++) stats->triangle_count += scene->meshes[i].triangle_count;
+  stats->memory_bytes = atomic_load(&r->context->memory_peak_bytes);
+}
+
+int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
+                   const fum_pass_buffer *passes, fum_render_stats *out_stats) {
+  const double start_s = fum_now_s();
+  render r = {.context = scene->context, .scene = scene};
+  fum_context *context = scene->context;
+  fum_render_stats_init(&r.stats);
+  fum_progress_begin(context);
+  atomic_store(&context->memory_peak_bytes, atomic_load(&context->memory_bytes));
+  if (out_stats != NULL && out_stats->struct_size < sizeof *out_stats) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "stats: struct_size %u is not valid", (unsigned)out_stats->struct_size);
+  }
+  int32_t status = fum_settings_check(context, settings, &r.settings);
+  if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);
+  if (status == FUM_OK) status = check_passes(context, &r.view, pass_count, passes);
+  if (status == FUM_OK) status = allocate_passes(&r, pass_count, passes);
+  if (status == FUM_OK) status = fum_caches_update(scene, &r.settings);
+  if (status != FUM_OK) goto done;
+  r.stats.build_s = scene->caches->build_s;
+  fum_view_place(&r.view, scene->origin);
+  status = find_solid_depths(&r);
+  if (status == FUM_OK && r.combined != NULL) status = make_combined(&r);
+  if (status == FUM_OK && r.depth != NULL) status = make_depth(&r);
+  if (status != FUM_OK) goto done;
+  hand_over(&r, pass_count, passes);
+  fill_stats(&r);
+  r.stats.total_s = fum_now_s() - start_s;
+  if (out_stats != NULL) *out_stats = r.stats;
+done:
+  fum_free(context, &r.depth);
+  fum_free(context, &r.combined);
+  fum_free(context, &r.solid_depths);
+  return status;
+}

@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "billboard/arrange.h"
+
+#include "base/radix.h"
+
+#include <string.h>
+
+static void to_camera(const fum_octree *octree, const fum_view *view, uint32_t rank, double out[3]) {
+  const double local[3] = {(double)octree->x[rank], (double)octree->y[rank], (double)octree->z[rank]};
+  fum_transform_point(view->camera_from_local, local, out);
+}
+
+/* Does a sphere of this radius show between the sides of the frame? Perspective: distance from the plane through the
+ * camera and each side. */
+static bool is_in_frame(const fum_view *view, const double center[3], double radius) {
+  const double depth = -center[2], *w = view->window;
+  if (depth + radius < view->clip_start || depth - radius > view->clip_end) return false;
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  for (int axis = 0; axis < 2; axis++) {
+    for (int side = 0; side < 2; side++) {
+      const double edge = w[2 * axis + side], sign = side == 0 ? 1.0 : -1.0;
+      const double inside = is_perspective ? sign * (center[axis] - edge * depth) / sqrt(1.0 + edge * edge)
+                                           : sign * (center[axis] - edge);
+      if (inside < -radius) return false;
+    }
+  }
+  return true;
+}
+
+static uint32_t float_bits(float value) {
+  uint32_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  return bits;
+}
+
+/* Ascending keys put the farthest first: the bits of floats >= 0 grow with their value. In an orthographic view depth
+ * may be negative where a particle reaches over the camera. */
+static uint32_t order_key(const fum_view *view, const double center[3]) {
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const double distance =
+      is_perspective ? sqrt(center[0] * center[0] + center[1] * center[1] + center[2] * center[2]) : -center[2];
+  const uint32_t bits = float_bits((float)fabs(distance));
+  return distance < 0.0 ? 0x80000000U + bits : 0x7fffffffU - bits;
+}
+
+int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
+                          float footprint_sigmas, uint32_t **out_ranks, int64_t *out_count) {
+  fum_context *context = scene->context;
+  const uint64_t unseen = UINT64_MAX;
+  /* A billboard thinner than a pixel is widened to about one. */
+  const double pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
+                            (view->window[3] - view->window[2]) / (double)view->height);
+  uint64_t *keys = NULL;
+  uint32_t *ranks = NULL;
+  int64_t seen = 0;
+  int32_t status = fum_alloc(context, octree->count, sizeof *keys, "order of the particles", &keys);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
+  for (int64_t rank = 0; rank < octree->count; rank++) {
+    double center[3];
+    to_camera(octree, view, (uint32_t)rank, center);
+    const double depth = view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -center[2]) : 1.0;
+    const double sigma = fmax(1.0 / (double)octree->inverse_sigmas[rank], pixel * depth);
+    const bool in_frame = is_in_frame(view, center, sigma * (double)footprint_sigmas);
+    keys[octree->indices[rank]] = in_frame ? (uint64_t)order_key(view, center) << 32 | (uint64_t)rank : unseen;
+    seen += in_frame;
+  }
+  status = fum_radix_sort(context, octree->count, 32, keys, NULL);
+  if (status == FUM_OK) status = fum_alloc(context, seen, sizeof *ranks, "order of the particles", &ranks);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < seen; i++) ranks[i] = (uint32_t)keys[i];
+  *out_ranks = ranks;
+  *out_count = seen;
+done:
+  fum_free(context, &keys);
+  return status;
+}
+
+/* Source function S = albedo * in-scattered light + emission / density (DESIGN.md, section 1). Something that glows
+ * without absorbing gets an extinction too thin to be seen, so that S stays finite. */
+static void shade(const fum_particles *set, int64_t i, const float *light, double density, fum_billboard *out) {
+  const float *albedo = set->albedos != NULL ? set->albedos + 3 * i : set->albedo;
+  const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
+  for (int c = 0; c < 3; c++) {
+    const double glow = density > 0.0 ? (double)emission[c] / density : 0.0;
+    out->source[c] = (float)((double)albedo[c] * (double)light[c] + glow);
+  }
+}
+
+void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
+                               const float *light, int64_t count, const uint32_t *ranks, fum_billboard *out_billboards) {
+#pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
+  for (int64_t n = 0; n < count; n++) {
+    const uint32_t rank = ranks[n], index = octree->indices[rank];
+    const fum_particles *set = fum_scene_particles_of(scene, index);
+    const int64_t i = index - set->offset;
+    const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
+    const bool glows = emission[0] > 0.0F || emission[1] > 0.0F || emission[2] > 0.0F;
+    const double sigma = (double)set->sigmas[i], thin = 1e-5 / sigma;
+    const double density = glows ? fmax((double)set->densities[i], thin) : (double)set->densities[i];
+    fum_billboard *b = &out_billboards[n];
+    double center[3];
+    to_camera(octree, view, rank, center);
+    for (int axis = 0; axis < 3; axis++) b->center[axis] = (float)center[axis];
+    b->sigma = (float)fmax(sigma, 1e-18);
+    b->optical_depth = (float)fmin(density * sigma * FUM_SQRT_2PI, 1e30);
+    shade(set, i, light + 3 * (int64_t)rank, density, b);
+  }
+}

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Particles, lit, become billboards in the order in which they are drawn. */
+#ifndef FUM_BILLBOARD_ARRANGE_H
+#define FUM_BILLBOARD_ARRANGE_H
+
+#include "billboard/billboard.h"
+#include "scene/view.h"
+#include "octree/octree.h"
+
+/* The order of the particles that can be seen: their ranks in `octree` (of all particles), farthest first; ties in the
+ * order of the scene, that is by id. `footprint_sigmas` as in fum_frame. */
+int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
+                          float footprint_sigmas, uint32_t **out_ranks, int64_t *out_count);
+
+/* Billboards of the particles `ranks`; `light` [3 count of the octree] as fum_inscatter gives it. */
+void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
+                               const float *light, int64_t count, const uint32_t *ranks, fum_billboard *out_billboards);
+
+#endif

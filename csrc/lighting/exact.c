@@ -1,0 +1,179 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/exact.h"
+
+#include "lighting/pairs.h"
+
+#include <omp.h>
+
+enum { BATCH = 512 };
+
+/* Particles heard by a beam, waiting for the loop. */
+typedef struct batch {
+  int32_t count;
+  float x[BATCH + FUM_PAIRS_PAD], y[BATCH + FUM_PAIRS_PAD], z[BATCH + FUM_PAIRS_PAD];
+  float inverse_sigmas[BATCH + FUM_PAIRS_PAD], optical_depths[BATCH + FUM_PAIRS_PAD];
+} batch;
+
+/* A group of receivers on its way to the light. */
+typedef struct walk {
+  const fum_medium *medium;
+  const fum_pairs *pairs;
+  fum_beam beam;
+  float bend; /* largest |direction - axis| */
+  int32_t count;
+  fum_segment segments[FUM_GROUP_SIZE];
+  float depths[FUM_GROUP_SIZE];
+  batch within, at_end;
+} walk;
+
+static void flush(walk *w, batch *b, fum_pairs_fn sum_depths) {
+  if (b->count == 0) return;
+  for (int32_t i = b->count; i % FUM_PAIRS_PAD != 0; i++) {
+    b->x[i] = b->y[i] = b->z[i] = b->optical_depths[i] = 0.0F;
+    b->inverse_sigmas[i] = 1.0F;
+  }
+  const fum_sources sources = {b->count, b->x, b->y, b->z, b->inverse_sigmas, b->optical_depths};
+  for (int32_t i = 0; i < w->count; i++) {
+    if (w->depths[i] < w->medium->depth_limit) w->depths[i] += sum_depths(&sources, &w->segments[i]);
+  }
+  b->count = 0;
+}
+
+static void flush_all(walk *w) {
+  flush(w, &w->at_end, w->pairs->segment);
+  flush(w, &w->within, w->pairs->line);
+}
+
+static bool is_dark(const walk *w) {
+  for (int32_t i = 0; i < w->count; i++) {
+    if (w->depths[i] < w->medium->depth_limit) return false;
+  }
+  return true;
+}
+
+static void append(const walk *w, batch *b, uint32_t particle) {
+  const fum_octree *octree = w->medium->octree;
+  const int32_t n = b->count++;
+  b->x[n] = octree->x[particle];
+  b->y[n] = octree->y[particle];
+  b->z[n] = octree->z[particle];
+  b->inverse_sigmas[n] = octree->inverse_sigmas[particle] / w->medium->sigma_scale;
+  b->optical_depths[n] = octree->optical_depths[particle] * w->medium->depth_scale;
+}
+
+static bool visit(void *user, uint32_t begin, uint32_t end, float reach) {
+  enum { RUN = 64 };
+  walk *w = user;
+  const fum_octree *octree = w->medium->octree;
+  int32_t heard[RUN];
+  for (uint32_t first = begin; first < end; first += RUN) {
+    const int32_t count = end - first < RUN ? (int32_t)(end - first) : RUN;
+    w->pairs->hear(&w->beam, w->bend, reach, w->medium->sigma_scale, count, octree->x + first, octree->y + first,
+                   octree->z + first, octree->inverse_sigmas + first, heard);
+    if (w->within.count + count > BATCH || w->at_end.count + count > BATCH) {
+      flush_all(w);
+      if (is_dark(w)) return false;
+    }
+    for (int32_t i = 0; i < count; i++) {
+      if (heard[i] == FUM_UNHEARD) continue;
+      append(w, heard[i] == FUM_HEARD_WITHIN ? &w->within : &w->at_end, first + (uint32_t)i);
+    }
+  }
+  return true;
+}
+
+static fum_vec3 receiver_position(const fum_receivers *receivers, uint32_t i) {
+  const fum_octree *octree = receivers->octree;
+  return (fum_vec3){octree->x[i], octree->y[i], octree->z[i]};
+}
+
+/* The segment from a receiver to the light. One of no length has no particles on it. */
+static fum_segment segment_to(const fum_emitter *emitter, fum_vec3 from) {
+  fum_vec3 direction = emitter->direction;
+  float length = INFINITY;
+  if (!emitter->is_directional) {
+    const fum_vec3 way = fum_sub(emitter->position, from);
+    length = fum_length(way);
+    direction = length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
+  }
+  return (fum_segment){{from.x, from.y, from.z}, {direction.x, direction.y, direction.z}, length};
+}
+
+/* The beam around the segments: it starts as wide as the group and narrows towards the light, if that is far away. */
+static void find_beam(walk *w, const fum_emitter *emitter) {
+  fum_vec3 lower = {INFINITY, INFINITY, INFINITY}, upper = {-INFINITY, -INFINITY, -INFINITY};
+  for (int32_t i = 0; i < w->count; i++) {
+    const float *p = w->segments[i].origin;
+    lower = (fum_vec3){fminf(lower.x, p[0]), fminf(lower.y, p[1]), fminf(lower.z, p[2])};
+    upper = (fum_vec3){fmaxf(upper.x, p[0]), fmaxf(upper.y, p[1]), fmaxf(upper.z, p[2])};
+  }
+  const fum_vec3 middle = {0.5F * (lower.x + upper.x), 0.5F * (lower.y + upper.y), 0.5F * (lower.z + upper.z)};
+  const fum_segment axis = segment_to(emitter, middle);
+  const fum_vec3 direction = {axis.direction[0], axis.direction[1], axis.direction[2]};
+  float radius = 0.0F, bend = 0.0F;
+  for (int32_t i = 0; i < w->count; i++) {
+    const fum_segment *s = &w->segments[i];
+    const fum_vec3 offset = {s->origin[0] - middle.x, s->origin[1] - middle.y, s->origin[2] - middle.z};
+    const fum_vec3 turn = {s->direction[0] - direction.x, s->direction[1] - direction.y, s->direction[2] - direction.z};
+    radius = fmaxf(radius, fum_length(offset));
+    bend = fmaxf(bend, fum_length(turn));
+  }
+  const bool narrows = !emitter->is_directional && axis.length > radius;
+  w->bend = bend;
+  w->beam = (fum_beam){.start = middle,
+                       .axis = direction,
+                       .first = -radius,
+                       .last = axis.length + radius,
+                       .radius = radius,
+                       .slope = narrows ? -radius / axis.length : 0.0F};
+}
+
+static void solve_group(walk *w, const fum_receivers *receivers, int64_t group, const fum_emitter *emitter,
+                        const uint8_t *is_lit, float *out_depths) {
+  const uint32_t begin = receivers->group_begins[group], end = receivers->group_begins[group + 1];
+  w->count = 0;
+  for (uint32_t i = begin; i < end; i++) {
+    if (!is_lit[i]) continue;
+    w->depths[w->count] = 0.0F;
+    w->segments[w->count++] = segment_to(emitter, receiver_position(receivers, i));
+  }
+  if (w->count == 0) return;
+  find_beam(w, emitter);
+  w->within.count = w->at_end.count = 0;
+  fum_beam_walk(w->medium->octree, w->medium->reaches, &w->beam, visit, w);
+  flush_all(w);
+  int32_t n = 0;
+  for (uint32_t i = begin; i < end; i++) {
+    if (is_lit[i]) out_depths[i] = w->depths[n++];
+  }
+}
+
+int32_t fum_exact_solve(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
+                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths) {
+  walk *walks = NULL;
+  const int32_t threads = fum_thread_count(context);
+  int32_t status = fum_alloc(context, threads, sizeof *walks, "lighting", &walks);
+  if (status != FUM_OK) return status;
+  atomic_int_least64_t groups_done = 0;
+#pragma omp parallel num_threads(threads)
+  {
+    const int thread = omp_get_thread_num();
+    walk *w = &walks[thread];
+    w->medium = medium;
+    w->pairs = fum_pairs_get();
+#pragma omp for schedule(dynamic, 4)
+    for (int64_t group = 0; group < receivers->group_count; group++) {
+      if (fum_is_cancelled(context)) continue;
+      solve_group(w, receivers, group, emitter, is_lit, out_depths);
+      const int64_t done = atomic_fetch_add(&groups_done, 1) + 1;
+      if (thread == 0) {
+        const float share = (float)done / (float)receivers->group_count;
+        const float fraction = progress[0] + (progress[1] - progress[0]) * share;
+        (void)fum_progress_report(context, FUM_STAGE_LIGHTING, fraction, "Lighting particles");
+      }
+    }
+  }
+  status = fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
+  fum_free(context, &walks);
+  return status;
+}

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The exact solver: for every receiver, the closed-form optical depth of all particles between it and a light. */
+#ifndef FUM_LIGHTING_EXACT_H
+#define FUM_LIGHTING_EXACT_H
+
+#include "lighting/emitter.h"
+#include "lighting/receivers.h"
+
+/* What is lit through: the density octree with the paper's controls. */
+typedef struct fum_medium {
+  const fum_octree *octree;
+  float *reaches;       /* of fum_reach_find */
+  float sigma_scale;    /* intersection test size */
+  float depth_scale;    /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
+  float depth_limit;    /* optical depth above which a receiver counts as dark: the walk ends early */
+} fum_medium;
+
+/* Optical depth from each receiver to the emitter; only where is_lit (receivers' order) is nonzero, elsewhere
+ * out_depths is left alone. Progress runs from `progress[0]` to `progress[1]` of the lighting stage. */
+int32_t fum_exact_solve(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
+                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
+
+#endif

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Light gathered at receivers: every sample of a light, past solids (paper, 3.4) and through smoke. */
+#ifndef FUM_LIGHTING_GATHER_H
+#define FUM_LIGHTING_GATHER_H
+
+#include "lighting/exact.h"
+#include "solid/solid.h"
+
+/* What a receiver makes of light that comes from the unit direction `to_light`. */
+typedef float (*fum_response_fn)(const void *user, uint32_t receiver, fum_vec3 to_light);
+
+typedef struct fum_gathering {
+  fum_context *context;
+  const fum_medium *medium;
+  const fum_solids *solids;     /* NULL: none */
+  float solid_shadow_intensity; /* share of the light that solids block */
+  const fum_receivers *receivers;
+  fum_response_fn response; /* NULL: the light's samples count alike whatever they send; out is a transmittance */
+  const void *response_user;
+} fum_gathering;
+
+/* out_light[i] (receivers' order) += what arrives from the light, as a factor on its colour. */
+int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
+                         float *out_light);
+
+#endif

@@ -1,0 +1,56 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/receivers.h"
+
+#include <stdlib.h>
+
+/* Largest nodes that hold no more than a group, and the leaves that hold more, cut up: coincident points. */
+static bool is_whole_group(const fum_octree_node *node) {
+  return node->count <= FUM_GROUP_SIZE || node->children == 0;
+}
+
+static int64_t groups_of(const fum_octree_node *node) { return (node->count + FUM_GROUP_SIZE - 1) / FUM_GROUP_SIZE; }
+
+/* Children of nodes that became groups are passed over; they come later than their parents. */
+static int64_t count_groups(const fum_octree *octree, uint8_t *is_covered) {
+  int64_t groups = 0;
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    const fum_octree_node *node = &octree->nodes[i];
+    const bool is_group = is_whole_group(node);
+    if (!is_covered[i] && is_group) groups += groups_of(node);
+    const int children = __builtin_popcount(node->octants);
+    for (int c = 0; c < children; c++) is_covered[node->children + (uint32_t)c] = is_covered[i] || is_group;
+  }
+  return groups;
+}
+
+static int compare_begins(const void *a, const void *b) {
+  const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+  return (x > y) - (x < y);
+}
+
+
+int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_receivers *out_receivers) {
+  uint8_t *is_covered = NULL;
+  uint32_t *begins = NULL;
+  int32_t status = fum_alloc(context, octree->node_count, sizeof *is_covered, "groups of receivers", &is_covered);
+  if (status != FUM_OK) goto done;
+  const int64_t count = count_groups(octree, is_covered);
+  status = fum_alloc(context, count + 1, sizeof *begins, "groups of receivers", &begins);
+  if (status != FUM_OK) goto done;
+  int64_t n = 0;
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    const fum_octree_node *node = &octree->nodes[i];
+    if (is_covered[i] || !is_whole_group(node)) continue;
+    for (uint32_t begin = 0; begin < node->count; begin += FUM_GROUP_SIZE) begins[n++] = node->begin + begin;
+  }
+  qsort(begins, (size_t)count, sizeof *begins, compare_begins);
+  begins[count] = (uint32_t)octree->count;
+  *out_receivers = (fum_receivers){.octree = octree, .group_count = count, .group_begins = begins};
+  begins = NULL;
+done:
+  fum_free(context, &begins);
+  fum_free(context, &is_covered);
+  return status;
+}
+
+void fum_receivers_free(fum_context *context, fum_receivers *receivers) { fum_free(context, &receivers->group_begins); }

@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The camera, checked and turned into what drawing and the camera's rays need. */
+#ifndef FUM_SCENE_VIEW_H
+#define FUM_SCENE_VIEW_H
+
+#include "base/context.h"
+#include "base/vector.h"
+
+typedef struct fum_view {
+  int32_t type, width, height;
+  double window[4], clip_start, clip_end;
+  double local_from_camera[16]; /* local: relative to the scene's origin */
+  double camera_from_local[16];
+} fum_view;
+
+int32_t fum_view_init(fum_context *context, const fum_camera *camera, fum_view *out_view);
+
+/* Moves the view to coordinates relative to `origin`. */
+void fum_view_place(fum_view *view, const double origin[3]);
+
+/* The ray through a point of the picture (in pixels, 0, 0 is its lower left corner): start at the camera and direction
+ * with unit depth along the axis, so that its parameter is Blender's depth. In local space. */
+void fum_view_ray(const fum_view *view, double x, double y, double out_start[3], double out_direction[3]);
+
+#endif

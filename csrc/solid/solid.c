@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "solid/solid.h"
+
+#include <embree3/rtcore.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct fum_solids {
+  RTCDevice device;
+  RTCScene shadow; /* NULL: no mesh casts shadows */
+  RTCScene camera; /* NULL: the camera sees no mesh */
+};
+
+/* Embree calls this on whatever thread fails; the first message is kept. */
+static void note_error(void *user, enum RTCError code, const char *text) {
+  char *message = user;
+  if (message[0] == '\0') snprintf(message, 256, "%s (code %d)", text != NULL ? text : "no message", (int)code);
+}
+
+void fum_solids_embree_version(char out_version[32]) {
+  snprintf(out_version, 32, "?");
+  RTCDevice device = rtcNewDevice("threads=1");
+  if (device == NULL) return;
+  snprintf(out_version, 32, "%d.%d.%d", (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MAJOR),
+           (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_MINOR),
+           (int)rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_VERSION_PATCH));
+  rtcReleaseDevice(device);
+}
+
+int32_t fum_solids_check_embree(fum_context *context) {
+  char reached[32], built[32];
+  fum_solids_embree_version(reached);
+  snprintf(built, sizeof built, "%d.%d.%d", RTC_VERSION_MAJOR, RTC_VERSION_MINOR, RTC_VERSION_PATCH);
+  if (strcmp(reached, built) == 0) return FUM_OK;
+  return fum_fail(context, FUM_ERROR_LIBRARY,
+                  "this library was built for Embree %s, but the process reaches Embree %s; load it with RTLD_DEEPBIND",
+                  built, reached);
+}
+
+static void transform_vertices(const fum_scene *scene, const fum_mesh *mesh, float *out_vertices) {
+  for (int64_t i = 0; i < mesh->vertex_count; i++) {
+    const float *v = mesh->vertices + 3 * i;
+    double world[3];
+    fum_transform_point(mesh->world_from_local, (double[3]){(double)v[0], (double)v[1], (double)v[2]}, world);
+    for (int axis = 0; axis < 3; axis++) out_vertices[3 * i + axis] = (float)(world[axis] - scene->origin[axis]);
+  }
+}
+
+static void attach(RTCDevice device, RTCScene *scene, RTCGeometry geometry) {
+  if (*scene == NULL) {
+    *scene = rtcNewScene(device);
+    /* Watertight at edges: light must not leak between triangles. */
+    rtcSetSceneFlags(*scene, RTC_SCENE_FLAG_ROBUST);
+  }
+  rtcAttachGeometry(*scene, geometry);
+}
+
+static int32_t add_mesh(const fum_scene *scene, const fum_mesh *mesh, fum_solids *solids) {
+  RTCGeometry geometry = rtcNewGeometry(solids->device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  float *vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
+                                            (size_t)mesh->vertex_count);
+  uint32_t *triangles = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                                3 * sizeof(uint32_t), (size_t)mesh->triangle_count);
+  if (vertices == NULL || triangles == NULL) {
+    rtcReleaseGeometry(geometry);
+    return fum_fail(scene->context, FUM_ERROR_MEMORY, "%s: no memory for %lld triangles in Embree", mesh->name,
+                    (long long)mesh->triangle_count);
+  }
+  transform_vertices(scene, mesh, vertices);
+  memcpy(triangles, mesh->triangles, (size_t)mesh->triangle_count * 3 * sizeof *triangles);
+  rtcCommitGeometry(geometry);
+  if ((mesh->visibility & FUM_VISIBLE_TO_SHADOW) != 0) attach(solids->device, &solids->shadow, geometry);
+  if ((mesh->visibility & FUM_VISIBLE_TO_CAMERA) != 0) attach(solids->device, &solids->camera, geometry);
+  rtcReleaseGeometry(geometry);
+  return FUM_OK;
+}
+
+int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
+  fum_context *context = scene->context;
+  int64_t triangles = 0;
+  for (int32_t i = 0; i < scene->mesh_count; i++) triangles += scene->meshes[i].triangle_count;
+  if (triangles == 0) return FUM_OK;
+  char message[256] = "", options[64];
+  int32_t status = FUM_OK;
+  fum_solids *solids = calloc(1, sizeof *solids);
+  if (solids == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for meshes");
+  snprintf(options, sizeof options, "threads=%d", (int)fum_thread_count(context));
+  solids->device = rtcNewDevice(options);
+  if (solids->device == NULL) {
+    status = fum_fail(context, FUM_ERROR_LIBRARY, "Embree gives no device (code %d)", (int)rtcGetDeviceError(NULL));
+    goto done;
+  }
+  rtcSetDeviceErrorFunction(solids->device, note_error, message);
+  for (int32_t i = 0; i < scene->mesh_count && status == FUM_OK; i++) {
+    if (scene->meshes[i].triangle_count > 0) status = add_mesh(scene, &scene->meshes[i], solids);
+  }
+  if (status != FUM_OK) goto done;
+  if (solids->shadow != NULL) rtcCommitScene(solids->shadow);
+  if (solids->camera != NULL) rtcCommitScene(solids->camera);
+  rtcSetDeviceErrorFunction(solids->device, NULL, NULL);
+  if (message[0] != '\0') {
+    status = fum_fail(context, FUM_ERROR_LIBRARY, "Embree could not build the meshes: %s", message);
+    goto done;
+  }
+  *out_solids = solids;
+  solids = NULL;
+done:
+  fum_solids_destroy(solids);
+  return status;
+}
+
+void fum_solids_destroy(fum_solids *solids) {
+  if (solids == NULL) return;
+  if (solids->shadow != NULL) rtcReleaseScene(solids->shadow);
+  if (solids->camera != NULL) rtcReleaseScene(solids->camera);
+  if (solids->device != NULL) rtcReleaseDevice(solids->device);
+  free(solids);
+}
+
+static struct RTCRay make_ray(fum_vec3 origin, fum_vec3 direction, float near, float far) {
+  return (struct RTCRay){.org_x = origin.x,
+                         .org_y = origin.y,
+                         .org_z = origin.z,
+                         .tnear = near,
+                         .dir_x = direction.x,
+                         .dir_y = direction.y,
+                         .dir_z = direction.z,
+                         .tfar = far,
+                         .mask = 0xffffffffU};
+}
+
+bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float length) {
+  if (solids == NULL || solids->shadow == NULL) return false;
+  struct RTCIntersectContext how;
+  rtcInitIntersectContext(&how);
+  struct RTCRay ray = make_ray(origin, direction, 0.0F, length);
+  rtcOccluded1(solids->shadow, &how, &ray);
+  return ray.tfar < 0.0F;
+}
+
+bool fum_solids_hide_from_camera(const fum_solids *solids) { return solids != NULL && solids->camera != NULL; }
+
+float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far) {
+  if (!fum_solids_hide_from_camera(solids)) return far;
+  struct RTCIntersectContext how;
+  rtcInitIntersectContext(&how);
+  struct RTCRayHit hit = {.ray = make_ray(origin, direction, near, far), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
+  rtcIntersect1(solids->camera, &how, &hit);
+  return hit.ray.tfar;
+}

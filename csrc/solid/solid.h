@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The scene's meshes as Embree sees them; the only place that knows Embree. */
+#ifndef FUM_SOLID_SOLID_H
+#define FUM_SOLID_SOLID_H
+
+#include "base/vector.h"
+#include "scene/scene.h"
+
+typedef struct fum_solids fum_solids;
+
+/* Fails unless the Embree that the process reaches is the one that this library was built for: a host may have another
+ * one loaded under the same names, which would answer "not occluded" to every ray. */
+int32_t fum_solids_check_embree(fum_context *context);
+
+/* "major.minor.patch" that the process reaches, "?" if none answers. */
+void fum_solids_embree_version(char out_version[32]);
+
+/* Hierarchies over the scene's meshes, relative to scene->origin. *out_solids stays NULL if there is no triangle. */
+int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids);
+void fum_solids_destroy(fum_solids *solids);
+
+/* Is there a mesh that casts shadows between origin and origin + length direction? NULL solids hide nothing. */
+bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float length);
+
+bool fum_solids_hide_from_camera(const fum_solids *solids);
+
+/* Parameter t of the first point origin + t direction on a mesh that the camera sees, within near..far; far if none. */
+float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far);
+
+#endif
