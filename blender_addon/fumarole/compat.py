@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What differs between Blender versions, by feature. No other module looks at the version."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+# Whose light units hold: core.Scene.add_light converts those of any version.
+LIGHT_UNITS = bpy.app.version
+
+# In Blender 3 a pass's pixels are set as (pixels, channels), later as one row of floats.
+_PASS_RECT_IS_2D = bpy.app.version < (4, 0, 0)
+
+# Materials and worlds always use nodes from Blender 5 on, where asking for it is deprecated.
+_MATERIALS_ALWAYS_USE_NODES = bpy.app.version >= (5, 0, 0)
+
+
+def light_casts_shadows(light: bpy.types.Light) -> bool:
+    """Whether solids and smoke block the light in Cycles."""
+    cycles = getattr(light, "cycles", None)
+    return getattr(cycles, "cast_shadow", True) if hasattr(cycles, "cast_shadow") else light.use_shadow
+
+
+def light_scale(light: bpy.types.Light) -> tuple[float, float, float]:
+    """Factors on a light's power per channel: exposure and colour temperature, where this Blender has them."""
+    exposure = 2.0 ** getattr(light, "exposure", 0.0)
+    tint = light.temperature_color if getattr(light, "use_temperature", False) else (1.0, 1.0, 1.0)
+    return tuple(exposure * channel for channel in tint)
+
+
+def light_is_normalized(light: bpy.types.Light) -> bool:
+    """Whether the light's power is independent of its size."""
+    return getattr(light, "normalize", True)
+
+
+def light_is_sphere(light: bpy.types.Light) -> bool:
+    """Whether a point or spot light with a radius is a sphere (soft fall-off disabled), not a disc."""
+    return not getattr(light, "use_soft_falloff", True)
+
+
+def light_links(owner: bpy.types.Object) -> bool:
+    """Whether the light lights or is blocked by chosen objects only."""
+    linking = getattr(owner, "light_linking", None)
+    return linking is not None and (linking.receiver_collection is not None or linking.blocker_collection is not None)
+
+
+def node_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | None:
+    """The shader nodes in use, or None."""
+    return owner.node_tree if _MATERIALS_ALWAYS_USE_NODES or owner.use_nodes else None
+
+
+def set_pass_pixels(render_pass: bpy.types.RenderPass, pixels: np.ndarray) -> None:
+    """Fills a pass from (height, width, channels) float32, first row at the bottom."""
+    pixels = np.ascontiguousarray(pixels, dtype=np.float32)
+    render_pass.rect.foreach_set(pixels.reshape(-1, pixels.shape[-1]) if _PASS_RECT_IS_2D else pixels.reshape(-1))

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine: export, render, hand over, and what the user is told meanwhile."""
+
+from __future__ import annotations
+
+import contextlib
+import traceback
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+from . import compat, core
+from .export.camera import border, export_camera, resolution
+from .export.scene import Scene, build, export_scene
+from .passes import optional
+
+# Where each stage of a render begins and how much of it it is, for the progress bar.
+_STAGES = {
+    "octree": (0.0, 0.05),
+    "lighting": (0.05, 0.7),
+    "sorting": (0.75, 0.05),
+    "drawing": (0.8, 0.15),
+    "passes": (0.95, 0.05),
+}
+
+# Warnings the user has seen in this render or animation.
+_reported: set[str] = set()
+
+
+@bpy.app.handlers.persistent
+def _forget_warnings(*_arguments: object) -> None:
+    _reported.clear()
+
+
+class FumaroleEngine(bpy.types.RenderEngine):
+    """Renders the smoke of a view layer. A failure is an ERROR report, which is all that makes Blender fail."""
+
+    bl_idname = "FUMAROLE"
+    bl_label = "Fumarole"
+    bl_use_eevee_viewport = True
+
+    def __init__(self, *arguments: object, **keywords: object) -> None:
+        super().__init__(*arguments, **keywords)
+        self._scene: Scene | None = None
+
+    def update(self, data: bpy.types.BlendData | None = None, depsgraph: bpy.types.Depsgraph | None = None) -> None:
+        """Exports the depsgraph, while Blender keeps it from changing."""
+        self._scene = None
+        with self._reporting():
+            self.update_stats("", "Reading the scene")
+            self._scene = export_scene(depsgraph)
+            self._warn(self._scene.warnings)
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Renders what update() exported, all views of the depsgraph's view layer."""
+        scene, self._scene = self._scene, None
+        if scene is None:
+            return
+        with self._reporting():
+            render = depsgraph.scene.render
+            threads = render.threads if render.threads_mode == "FIXED" else 0
+            with core.Context(threads) as context:
+                core_scene = build(scene, context)
+                views = _views(render)
+                for index, view in enumerate(views):
+                    context.progress = self._progress(scene, index, len(views))
+                    self._render_view(depsgraph, core_scene, scene, view)
+
+    def update_render_passes(
+        self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
+    ) -> None:
+        """Tells the compositor which passes there will be."""
+        for item in optional(renderlayer):
+            self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
+
+    def _render_view(
+        self, depsgraph: bpy.types.Depsgraph, core_scene: core.Scene, scene: Scene, view: str
+    ) -> None:
+        layer = depsgraph.view_layer_eval
+        pixels: dict[str, np.ndarray] = {}
+        size = _size(depsgraph.scene.render)
+        try:
+            self.active_view_set(view)
+            camera = self._camera(depsgraph, scene)
+            names = ["Combined", *(item.name for item in optional(layer))]
+            result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), names)
+            self._warn([*scene.warnings, *result.warnings])
+            self._tell_statistics(result.stats)
+            pixels = {name: result[name] for name in names}
+            if not depsgraph.scene.render.film_transparent:
+                _put_over(pixels["Combined"], scene.background)
+        finally:
+            self._hand_over(layer.name, view, size, pixels)
+
+    def _camera(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> core.Camera:
+        owner = self.camera_override or depsgraph.scene.camera
+        if owner is None:
+            raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"Scene '{depsgraph.scene.name}' has no camera")
+        owner = owner.evaluated_get(depsgraph)
+        matrix = np.array(self.camera_model_matrix(owner), dtype=np.float64)
+        return export_camera(owner, depsgraph.scene.render, matrix, self.camera_shift_x(owner), scene.warn)
+
+    def _hand_over(self, layer: str, view: str, size: tuple[int, int], pixels: dict[str, np.ndarray]) -> None:
+        """Gives Blender the passes. It needs a result even if there are none: without one some of its writers crash."""
+        result = self.begin_result(0, 0, *size, layer=layer, view=view)
+        try:
+            for name, values in pixels.items():
+                compat.set_pass_pixels(result.layers[0].passes.find_by_name(name, view), values)
+        finally:
+            self.end_result(result, cancel=not pixels)
+
+    @contextlib.contextmanager
+    def _reporting(self) -> Iterator[None]:
+        """Turns exceptions into reports. Cancelling is Blender's own doing, unless an interrupt came as an exception."""
+        try:
+            yield
+        except core.Cancelled:
+            pass
+        except core.FumaroleError as error:
+            self.report({"ERROR"}, f"Fumarole: {error}")
+        except KeyboardInterrupt:
+            self.report({"ERROR"}, "Fumarole: the render was interrupted")
+        except Exception as error:
+            traceback.print_exc()
+            self.report({"ERROR"}, f"Fumarole: internal error, please report it: {type(error).__name__}: {error}")
+
+    def _progress(self, scene: Scene, view: int, view_count: int) -> core.context.Progress:
+        count = sum(len(item.positions) for item in scene.particles)
+        text = f"{count:,} particles, {len(scene.lights)} lights"
+
+        def report(stage: str, fraction: float, message: str) -> bool:
+            start, share = _STAGES[stage]
+            self.update_progress((view + start + share * fraction) / view_count)
+            self.update_stats(text, f"{message} {fraction:.0%}")
+            return self.test_break()
+
+        return report
+
+    def _tell_statistics(self, stats: core.Stats) -> None:
+        mebibytes = stats.memory_bytes / 2**20
+        self.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
+        self.update_stats(
+            f"{stats.particle_count:,} particles, {stats.light_count} lights, {mebibytes:,.0f} MiB",
+            f"Lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}",
+        )
+
+    def _warn(self, warnings: list[str]) -> None:
+        for text in warnings:
+            if text not in _reported:
+                _reported.add(text)
+                self.report({"WARNING"}, f"Fumarole: {text}")
+
+
+def _views(render: bpy.types.RenderSettings) -> list[str]:
+    """Names of the views to render, "" where there is one only."""
+    if not render.use_multiview:
+        return [""]
+    views = render.stereo_views if render.views_format == "STEREO_3D" else render.views
+    return [view.name for view in views if view.use]
+
+
+def _size(render: bpy.types.RenderSettings) -> tuple[int, int]:
+    """Width and height of the rendered part of the picture in pixels."""
+    width, height = resolution(render)
+    if not render.use_border:
+        return width, height
+    x0, y0, x1, y1 = border(render, width, height)
+    return x1 - x0, y1 - y0
+
+
+def _put_over(combined: np.ndarray, background: np.ndarray) -> None:
+    """Puts premultiplied pixels (height, width, 4) over an opaque colour (3,), in place."""
+    combined[..., :3] += (1 - combined[..., 3:]) * background.astype(np.float32)
+    combined[..., 3] = 1
+
+
+def register() -> None:
+    bpy.utils.register_class(FumaroleEngine)
+    bpy.app.handlers.render_init.append(_forget_warnings)
+
+
+def unregister() -> None:
+    bpy.app.handlers.render_init.remove(_forget_warnings)
+    bpy.utils.unregister_class(FumaroleEngine)

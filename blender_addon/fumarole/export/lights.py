@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps as the arguments of core.Scene.add_light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from .nodes import NodeReader, Warn
+
+
+@dataclass
+class Light:
+    """One light; the fields follow core.Scene.add_light, `shape` holds those that only its type has."""
+
+    name: str
+    type: str  # POINT, SPOT, SUN, AREA
+    matrix: np.ndarray  # (4, 4) float64, world from light
+    color: np.ndarray  # (3,) linear RGB, exposure and nodes included
+    power: float  # W, of a sun W/m^2
+    normalize: bool
+    shape: dict[str, Any]
+
+
+def export_light(owner: bpy.types.Object, matrix: np.ndarray, warn: Warn) -> Light | None:
+    """The light of an evaluated lamp at `matrix` (4, 4), or None if no light of it reaches smoke."""
+    lamp = owner.data
+    name = f"Light '{owner.name_full}'"
+    is_portal = lamp.type == "AREA" and getattr(getattr(lamp, "cycles", None), "is_portal", False)
+    if is_portal or not owner.visible_volume_scatter or lamp.energy == 0:
+        return None
+    color = np.array(lamp.color) * compat.light_scale(lamp) * _emission(lamp, name, warn)
+    if lamp.energy < 0 or np.any(color < 0):
+        shown = ", ".join(f"{channel:.4g}" for channel in lamp.energy * color)
+        warn(f"{name} has negative power ({shown}), which isn't supported; it is off")
+        return None
+    if not _has_size(lamp, matrix):
+        warn(f"{name} has no size or a scale of 0; it is off")
+        return None
+    _warn_of_features(owner, lamp, name, warn)
+    return Light(name, lamp.type, matrix, color, lamp.energy, compat.light_is_normalized(lamp), _shape(lamp))
+
+
+def _shape(lamp: bpy.types.Light) -> dict[str, Any]:
+    if lamp.type == "SUN":
+        return {"angle": lamp.angle}
+    if lamp.type == "AREA":
+        return {"shape": lamp.shape, "size": lamp.size, "size_y": lamp.size_y, "spread": lamp.spread}
+    if lamp.type == "SPOT":
+        cone = {"spot_angle": lamp.spot_size, "spot_blend": lamp.spot_blend}
+        return {"radius": lamp.shadow_soft_size, **cone}
+    return {"radius": lamp.shadow_soft_size}
+
+
+def _has_size(lamp: bpy.types.Light, matrix: np.ndarray) -> bool:
+    """Whether an area light has an area, and a spot light a cone."""
+    if lamp.type not in ("AREA", "SPOT"):
+        return True
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if lamp.type == "SPOT":
+        return bool(scale.all())
+    sizes = [lamp.size, lamp.size if lamp.shape in ("SQUARE", "DISK") else lamp.size_y]
+    return bool(scale.all() and all(sizes))
+
+
+def _emission(lamp: bpy.types.Light, name: str, warn: Warn) -> np.ndarray:
+    """The factor (3,) by which the lamp's nodes change its power."""
+    if not lamp.use_nodes or lamp.node_tree is None:
+        return np.ones(3)
+    output = lamp.node_tree.get_output_node("CYCLES")
+    reader = NodeReader(name, warn)
+    node, groups = reader.shader(output.inputs["Surface"]) if output else (None, ())
+    if node is None:
+        return np.zeros(3)
+    if node.bl_idname != "ShaderNodeEmission":
+        warn(f"{name}: node '{node.name}' ({node.bl_label}) isn't supported; the light's power is used as it is")
+        return np.ones(3)
+    return (reader.colour(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]
+
+
+def _warn_of_features(owner: bpy.types.Object, lamp: bpy.types.Light, name: str, warn: Warn) -> None:
+    if not compat.light_casts_shadows(lamp):
+        warn(f"{name}: switching shadows off isn't supported yet; it casts shadows")
+    if compat.light_links(owner):
+        warn(f"{name}: light linking isn't supported yet; it lights all smoke and everything blocks it")
+    if lamp.type in ("POINT", "SPOT") and compat.light_is_sphere(lamp) and lamp.shadow_soft_size > 0:
+        warn(f"{name}: a radius of {lamp.shadow_soft_size:.4g} without soft fall-off isn't supported yet; it is a disc")

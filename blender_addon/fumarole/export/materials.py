@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The look of smoke: what a material's volume shader says about extinction, scattering and emission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .. import compat
+from .nodes import Attributes, NodeReader, Warn, upstream
+
+# What smoke without a volume material looks like: a Blender particle of default size then has an optical depth of
+# about 0.6 through its centre.
+DEFAULT_EXTINCTION = 10.0
+DEFAULT_ALBEDO = 0.8
+
+
+@dataclass
+class Volume:
+    """A participating medium; the first axis of the arrays is 1 (the same for all) or the number of points."""
+
+    extinction: np.ndarray  # (1|n,) 1/m
+    albedo: np.ndarray  # (1|n, 3) 0..1
+    emission: np.ndarray  # (1|n, 3) W / (m^3 sr)
+    anisotropy: float  # Henyey-Greenstein g, -1..1
+
+
+@dataclass
+class _Medium:
+    """Coefficients of one volume closure, (1|n, 3) in 1/m, and g weighted by the scattering."""
+
+    scattering: np.ndarray
+    absorption: np.ndarray
+    emission: np.ndarray
+    forward: np.ndarray  # (1|n,) scattering times g
+    phases: frozenset[float]
+
+    def __add__(self, other: _Medium) -> _Medium:
+        return _Medium(
+            self.scattering + other.scattering,
+            self.absorption + other.absorption,
+            self.emission + other.emission,
+            self.forward + other.forward,
+            self.phases | other.phases,
+        )
+
+    def __mul__(self, weight: np.ndarray) -> _Medium:
+        column = weight[:, None]
+        return _Medium(
+            self.scattering * column,
+            self.absorption * column,
+            self.emission * column,
+            self.forward * weight,
+            self.phases if np.any(weight > 0) else frozenset(),
+        )
+
+
+_EMPTY = _Medium(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), frozenset())
+
+
+def volume_socket(material: bpy.types.Material | None) -> bpy.types.NodeSocket | None:
+    """The linked Volume input of the material's output, or None."""
+    return _output_socket(material, "Volume")
+
+
+def surface_socket(material: bpy.types.Material | None) -> bpy.types.NodeSocket | None:
+    """The linked Surface input of the material's output, or None."""
+    return _output_socket(material, "Surface")
+
+
+def is_volume_only(material: bpy.types.Material | None) -> bool:
+    """Whether the material makes a volume and no surface, so that its mesh is no solid."""
+    return volume_socket(material) is not None and surface_socket(material) is None
+
+
+def lets_light_through(material: bpy.types.Material | None) -> bool:
+    """Whether the surface shader has a node that lets light pass."""
+    socket = surface_socket(material)
+    see_through = {"ShaderNodeBsdfTransparent", "ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction"}
+    return socket is not None and any(node.bl_idname in see_through for node in upstream(socket))
+
+
+def emits_light(material: bpy.types.Material | None) -> bool:
+    """Whether the surface shader has an emission node."""
+    socket = surface_socket(material)
+    return socket is not None and any(node.bl_idname == "ShaderNodeEmission" for node in upstream(socket))
+
+
+def default_volume() -> Volume:
+    """Grey smoke for particles without a volume material."""
+    return Volume(np.array([DEFAULT_EXTINCTION]), np.full((1, 3), DEFAULT_ALBEDO), np.zeros((1, 3)), 0.0)
+
+
+def read_volume(
+    material: bpy.types.Material | None, smoke: str, warn: Warn, attributes: Attributes = lambda name: None
+) -> Volume:
+    """The medium that `material` describes for the smoke of that name.
+
+    Follows Cycles: Principled Volume scatters colour x density, Volume Scatter colour x density, Volume Absorption
+    absorbs (1 - colour) x density. Extinction that differs between red, green and blue is averaged, with a warning.
+    Without a volume shader it is grey smoke, with a warning.
+    """
+    socket = volume_socket(material)
+    if socket is None:
+        which = f"material '{material.name}' has no volume shader" if material else "there is no material"
+        warn(f"{smoke}: {which}; it is drawn as grey smoke with a density of {DEFAULT_EXTINCTION:g} per metre")
+        return default_volume()
+    owner = f"Material '{material.name}'"
+    return _volume(_closure(NodeReader(owner, warn, attributes), socket, ()), owner, warn)
+
+
+def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
+    scattering, absorption = np.maximum(medium.scattering, 0), np.maximum(medium.absorption, 0)
+    total = scattering + absorption
+    extinction = total.mean(axis=1)
+    if np.any(np.ptp(total, axis=1) > 1e-4 * extinction):
+        row = total[np.argmax(np.ptp(total, axis=1))]
+        warn(f"{owner}: coloured extinction ({row[0]:.4g}, {row[1]:.4g}, {row[2]:.4g}) isn't supported; its mean is used")
+    albedo = np.divide(scattering, total, out=np.zeros_like(total), where=total > 0)
+    scattered = scattering.mean(axis=1).sum()
+    anisotropy = float(medium.forward.sum() / scattered) if scattered > 0 else 0.0
+    if len(medium.phases) > 1:
+        shown = ", ".join(f"{g:.4g}" for g in sorted(medium.phases))
+        warn(f"{owner}: anisotropies {shown} are mixed; their average {anisotropy:.4g} is used")
+    return Volume(extinction, albedo, np.maximum(medium.emission, 0), float(np.clip(anisotropy, -0.999, 0.999)))
+
+
+def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) -> _Medium:
+    node, groups = reader.shader(socket, groups)
+    if node is None:
+        return _EMPTY
+    if node.bl_idname == "ShaderNodeAddShader":
+        return _closure(reader, node.inputs[0], groups) + _closure(reader, node.inputs[1], groups)
+    if node.bl_idname == "ShaderNodeMixShader":
+        factor = np.clip(reader.number(node, "Fac", groups), 0, 1)
+        first, second = _closure(reader, node.inputs[1], groups), _closure(reader, node.inputs[2], groups)
+        return first * (1 - factor) + second * factor
+    leaf = _LEAVES.get(node.bl_idname)
+    if leaf is None:
+        reader.warn(f"{reader.owner}: node '{node.name}' ({node.bl_label}) isn't supported in smoke; it counts as nothing")
+        return _EMPTY
+    return leaf(reader, node, groups)
+
+
+def _scattering(reader: NodeReader, node: bpy.types.Node, groups: tuple, scattering: np.ndarray) -> _Medium:
+    """A medium that scatters, with the node's phase function."""
+    phase = getattr(node, "phase", "HENYEY_GREENSTEIN")
+    if phase == "HENYEY_GREENSTEIN":
+        g = reader.number(node, "Anisotropy", groups)
+    else:
+        reader.warn(f"{reader.owner}: phase function {phase} of node '{node.name}' isn't supported; smoke scatters evenly")
+        g = np.zeros(1)
+    forward = scattering.mean(axis=1) * g
+    return _Medium(scattering, np.zeros((1, 3)), np.zeros((1, 3)), forward, frozenset(np.unique(g).tolist()[:3]))
+
+
+def _principled(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
+    density = np.maximum(reader.number(node, "Density", groups), 0)
+    by_density = reader.attributes(reader.text(node, "Density Attribute"))
+    if by_density is not None:
+        density = density * np.maximum(by_density if by_density.ndim == 1 else by_density.mean(axis=1), 0)
+    colour = np.clip(reader.colour(node, "Color", groups), 0, 1)
+    by_colour = reader.attributes(reader.text(node, "Color Attribute"))
+    if by_colour is not None:
+        colour = colour * np.clip(by_colour if by_colour.ndim == 2 else by_colour[:, None], 0, 1)
+    absorbing = np.sqrt(np.clip(reader.colour(node, "Absorption Color", groups), 0, 1))
+    medium = _scattering(reader, node, groups, colour * density[:, None])
+    medium.absorption = (1 - colour) * (1 - absorbing) * density[:, None]
+    medium.emission = reader.colour(node, "Emission Color", groups) * reader.number(node, "Emission Strength", groups)[:, None]
+    if np.any(reader.number(node, "Blackbody Intensity", groups) > 0):
+        reader.warn(f"{reader.owner}: Blackbody Intensity of node '{node.name}' isn't supported; it counts as 0")
+    return medium
+
+
+def _scatter(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
+    density = np.maximum(reader.number(node, "Density", groups), 0)
+    return _scattering(reader, node, groups, np.maximum(reader.colour(node, "Color", groups), 0) * density[:, None])
+
+
+def _absorption(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
+    density = np.maximum(reader.number(node, "Density", groups), 0)
+    absorption = np.clip(1 - reader.colour(node, "Color", groups), 0, 1) * density[:, None]
+    return _Medium(np.zeros((1, 3)), absorption, np.zeros((1, 3)), np.zeros(1), frozenset())
+
+
+def _coefficients(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
+    medium = _scattering(reader, node, groups, np.maximum(reader.colour(node, "Scatter Coefficients", groups), 0))
+    medium.absorption = np.maximum(reader.colour(node, "Absorption Coefficients", groups), 0)
+    medium.emission = reader.colour(node, "Emission Coefficients", groups)
+    return medium
+
+
+def _emission(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
+    emission = reader.colour(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None]
+    return _Medium(np.zeros((1, 3)), np.zeros((1, 3)), emission, np.zeros(1), frozenset())
+
+
+_LEAVES = {
+    "ShaderNodeVolumePrincipled": _principled,
+    "ShaderNodeVolumeScatter": _scatter,
+    "ShaderNodeVolumeAbsorption": _absorption,
+    "ShaderNodeVolumeCoefficients": _coefficients,
+    "ShaderNodeEmission": _emission,
+}
+
+
+def _output_socket(material: bpy.types.Material | None, identifier: str) -> bpy.types.NodeSocket | None:
+    tree = compat.node_tree(material) if material is not None else None
+    if tree is None:
+        return None
+    # EEVEE materials may have an output of their own; the one for all engines or for Cycles describes the physics.
+    output = tree.get_output_node("CYCLES")
+    socket = next((socket for socket in output.inputs if socket.identifier == identifier), None) if output else None
+    return socket if socket is not None and socket.is_linked else None

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Particle systems as smoke."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .materials import Volume, read_volume
+from .nodes import Warn
+
+_ALIVE = 3
+
+
+@dataclass
+class Particles:
+    """Particles of one material, in world space; the arrays follow core.Scene.add_particles."""
+
+    name: str
+    positions: np.ndarray  # (n, 3) float32
+    radii: np.ndarray  # (n,) float32, m; two standard deviations
+    velocities: np.ndarray | None  # (n, 3) float32, m/s
+    ids: np.ndarray  # (n,) uint64, the same particle's in every frame
+    volume: Volume
+
+
+def is_smoke(system: bpy.types.ParticleSystem) -> bool:
+    """Whether the system is drawn as smoke: emitters rendered as Halo, unless its own switch says otherwise."""
+    settings = system.settings
+    if settings.type == "HAIR" or settings.fumarole.smoke == "NOT_SMOKE":
+        return False
+    automatic = settings.type == "EMITTER" and settings.render_type == "HALO"
+    return automatic or settings.fumarole.smoke == "SMOKE"
+
+
+def smoke_systems(owner: bpy.types.Object) -> list[bpy.types.ParticleSystem]:
+    """The systems of an evaluated object that are smoke and enabled in renders."""
+    modifiers = (modifier for modifier in owner.modifiers if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render)
+    return [modifier.particle_system for modifier in modifiers if is_smoke(modifier.particle_system)]
+
+
+def export_system(
+    owner: bpy.types.Object,
+    system: bpy.types.ParticleSystem,
+    scene: bpy.types.Scene,
+    instance_matrix: np.ndarray | None,
+    instance_key: str,
+    warn: Warn,
+) -> Particles | None:
+    """The living particles of an evaluated system, or None if none lives.
+
+    `instance_matrix` (4, 4) moves the system's particles to where an instance of `owner` is; None for the object
+    itself. `instance_key` tells instances apart.
+    """
+    name = f"Particle system '{system.name}' of '{owner.name_full}'"
+    settings = system.settings
+    count = len(system.particles)
+    alive = np.flatnonzero(_read(system, "alive_state", count, 1, np.int16) == _ALIVE)
+    _warn_of_wrong_positions(system, scene, name, warn)
+    if len(alive) == 0:
+        return None
+    # Blender moves a particle by velocity x timestep a frame, whatever the frame rate.
+    frame_rate = scene.render.fps / scene.render.fps_base
+    positions = _read(system, "location", count, 3, np.float32)[alive]
+    velocities = _read(system, "velocity", count, 3, np.float32)[alive] * np.float32(settings.timestep * frame_rate)
+    radii = _read(system, "size", count, 1, np.float32)[alive] * np.float32(settings.fumarole.radius_scale)
+    if instance_matrix is not None:
+        positions = transform_points(instance_matrix, positions)
+        velocities = transform_vectors(instance_matrix, velocities)
+        radii = radii * np.float32(length_scale(instance_matrix))
+    volume = read_volume(_material(owner, settings.material), name, warn)
+    ids = stable_ids(f"{owner.name_full}\0{system.name}\0{instance_key}", alive)
+    return Particles(name, positions, radii, velocities, ids, volume)
+
+
+def stable_ids(key: str, indices: np.ndarray) -> np.ndarray:
+    """Ids (n,) uint64 that tell the points of this `key` from those of others, as long as indices stay the same."""
+    return (np.uint64(zlib.crc32(key.encode())) << np.uint64(32)) | indices.astype(np.uint32).astype(np.uint64)
+
+
+def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) moved by a (4, 4) matrix, float32."""
+    return (points @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+
+
+def transform_vectors(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Directions (n, 3) turned by a (4, 4) matrix, float32."""
+    return (vectors @ matrix[:3, :3].T).astype(np.float32)
+
+
+def length_scale(matrix: np.ndarray) -> float:
+    """The factor by which a (4, 4) matrix scales lengths on average."""
+    return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+def _read(system: bpy.types.ParticleSystem, attribute: str, count: int, width: int, kind: type) -> np.ndarray:
+    values = np.empty(count * width, dtype=kind)
+    system.particles.foreach_get(attribute, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def _material(owner: bpy.types.Object, slot: int) -> bpy.types.Material | None:
+    slots = owner.material_slots
+    return slots[min(slot, len(slots)) - 1].material if len(slots) else None
+
+
+def _warn_of_wrong_positions(
+    system: bpy.types.ParticleSystem, scene: bpy.types.Scene, name: str, warn: Warn
+) -> None:
+    """Blender simulates an unbaked system frame by frame; what was not played in full is only roughly right."""
+    cache = system.point_cache
+    if cache.is_baked or system.settings.physics_type == "NO":
+        return
+    if system.settings.display_percentage != 100:
+        warn(
+            f"{name} isn't baked and its viewport display amount is {system.settings.display_percentage} %: "
+            "its particles are wrong. Bake it or set the amount to 100 %"
+        )
+        return
+    # The cache's description begins with the number of frames it holds, in any language.
+    held = re.search(r"\d+", cache.info)
+    frame = min(scene.frame_current, cache.frame_end)
+    if cache.is_frame_skip or (held and int(held.group()) < frame - cache.frame_start + 1):
+        warn(f"{name} isn't baked and frames before {scene.frame_current} were skipped: its positions are inexact. Bake it")

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a render needs of a depsgraph, as plain arrays, and the core scene made of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from .. import compat, core
+from .lights import Light, export_light
+from .meshes import Mesh, MeshReader
+from .particles import Particles, export_system, smoke_systems
+from .points import export_points
+from .world import export_background
+
+
+@dataclass
+class Scene:
+    """Everything that is lit and drawn, independent of the depsgraph it came from."""
+
+    particles: list[Particles] = field(default_factory=list)
+    meshes: list[Mesh] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    background: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) radiance
+    warnings: list[str] = field(default_factory=list)
+
+    def warn(self, text: str) -> None:
+        """Notes a warning, once."""
+        if text not in self.warnings:
+            self.warnings.append(text)
+
+
+def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
+    """All smoke, solids and lights of an evaluated depsgraph's view layer."""
+    scene = Scene()
+    reader = MeshReader(scene.warn)
+    for instance in depsgraph.object_instances:
+        _export_instance(instance, depsgraph, scene, reader)
+    scene.background = export_background(depsgraph.scene.world, scene.warn)
+    if np.any(scene.background > 0):
+        scene.warn(f"World '{depsgraph.scene.world.name}': its background lights no smoke yet")
+    if not scene.particles:
+        scene.warn("There is no smoke in this view layer: no living Halo particles and no point clouds")
+    elif not scene.lights and not any(np.any(item.volume.emission > 0) for item in scene.particles):
+        scene.warn("There are no lights, so the smoke is black")
+    return scene
+
+
+def build(scene: Scene, context: core.Context) -> core.Scene:
+    """The core scene. Raises core.FumaroleError."""
+    result = core.Scene(context)
+    for item in scene.particles:
+        volume = item.volume
+        result.add_particles(
+            item.positions,
+            radius=item.radii,
+            density=_one_or_many(volume.extinction),
+            albedo=_one_or_many(volume.albedo),
+            emission=_one_or_many(volume.emission),
+            velocity=item.velocities,
+            ident=item.ids,
+            anisotropy=volume.anisotropy,
+            name=item.name,
+        )
+    for item in scene.meshes:
+        result.add_mesh(
+            item.vertices, item.triangles, item.matrix, item.name, item.casts_shadow, item.visible_to_camera
+        )
+    for item in scene.lights:
+        result.add_light(
+            item.type,
+            item.matrix,
+            item.power,
+            item.color,
+            item.name,
+            normalize=item.normalize,
+            cycles=compat.LIGHT_UNITS,
+            **item.shape,
+        )
+    return result
+
+
+def _one_or_many(values: np.ndarray) -> np.ndarray:
+    return values[0] if len(values) == 1 else values
+
+
+def _export_instance(
+    instance: bpy.types.DepsgraphObjectInstance, depsgraph: bpy.types.Depsgraph, scene: Scene, reader: MeshReader
+) -> None:
+    owner = instance.object
+    system = instance.particle_system
+    # A system that is drawn as smoke by its own switch is not drawn as the objects it would be otherwise.
+    if system is not None and system.settings.fumarole.smoke == "SMOKE":
+        return
+    matrix = np.array(instance.matrix_world, dtype=np.float64)
+    # Tells instances apart, and stays the same from frame to frame.
+    key = f"{instance.parent.name_full}{tuple(instance.persistent_id)}" if instance.is_instance else ""
+    if instance.show_particles:
+        # Particles are in world space, where the original object emits them.
+        original = np.array(instance.instance_object.matrix_world) if instance.is_instance else None
+        moved = None if original is None else matrix @ np.linalg.pinv(original)
+        for smoke in smoke_systems(owner):
+            _add(scene.particles, export_system(owner, smoke, depsgraph.scene, moved, key, scene.warn))
+            _warn_of_visibility(owner, scene)
+    if instance.show_self:
+        _export_object(instance, owner, matrix, key, depsgraph, scene, reader)
+
+
+def _export_object(
+    instance: bpy.types.DepsgraphObjectInstance,
+    owner: bpy.types.Object,
+    matrix: np.ndarray,
+    key: str,
+    depsgraph: bpy.types.Depsgraph,
+    scene: Scene,
+    reader: MeshReader,
+) -> None:
+    # Curves, text, surfaces and metaballs come as instances whose data is a mesh.
+    if isinstance(owner.data, bpy.types.Mesh):
+        if _is_gas_domain(owner):
+            scene.warn(f"Object '{owner.name_full}': smoke of a fluid domain isn't drawn yet")
+            return
+        parent = instance.parent if instance.is_instance else owner
+        hidden = parent.original.indirect_only_get(view_layer=depsgraph.view_layer_eval)
+        _add(scene.meshes, reader.export(owner, matrix, hidden))
+    elif owner.type == "LIGHT":
+        _add(scene.lights, export_light(owner, matrix, scene.warn))
+    elif owner.type == "POINTCLOUD":
+        if owner.fumarole.smoke != "NOT_SMOKE":
+            _add(scene.particles, export_points(owner, matrix, key, scene.warn))
+            _warn_of_visibility(owner, scene)
+    elif owner.type == "VOLUME":
+        scene.warn(f"Object '{owner.name_full}': volumes aren't drawn yet")
+    elif owner.type == "CURVES":
+        scene.warn(f"Object '{owner.name_full}': hair casts no shadow on smoke yet")
+
+
+def _add(items: list, item: object | None) -> None:
+    if item is not None:
+        items.append(item)
+
+
+def _is_gas_domain(owner: bpy.types.Object) -> bool:
+    domains = (modifier for modifier in owner.modifiers if modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN")
+    return any(domain.domain_settings.domain_type == "GAS" for domain in domains)
+
+
+def _warn_of_visibility(owner: bpy.types.Object, scene: Scene) -> None:
+    """Ray visibility and holdout of smoke are not modelled."""
+    switches = {"Camera": owner.visible_camera, "Shadow": owner.visible_shadow, "Holdout": not owner.is_holdout}
+    for switch, is_default in switches.items():
+        if not is_default:
+            scene.warn(f"Object '{owner.name_full}': its {switch} visibility isn't supported for smoke yet")

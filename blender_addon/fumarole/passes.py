@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of the library's passes a view layer asks for."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import core
+
+# The view layer's switch of each pass that is optional. Names, channels and kinds are in the library's pass table.
+SWITCHES = {"Depth": "use_pass_z"}
+
+
+def optional(view_layer: bpy.types.ViewLayer) -> list[core.Pass]:
+    """The passes that are switched on, besides Combined, which every view layer has."""
+    return [core.PASSES[name] for name, switch in SWITCHES.items() if getattr(view_layer, switch)]

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The settings that Fumarole adds to scenes, particle settings and objects."""
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from . import core
+
+# The library's own defaults. (Blender reads the annotations below, so they must not be postponed.)
+_DEFAULTS = core.Settings()
+
+# The numbers are written to .blend files: never change them.
+_SMOKE = (
+    ("AUTOMATIC", "Automatic", "Smoke if it is a particle emitter rendered as Halo, or a point cloud", 0),
+    ("SMOKE", "Smoke", "Draw it as smoke, however it is rendered otherwise", 1),
+    ("NOT_SMOKE", "Not Smoke", "Don't draw it as smoke", 2),
+)
+
+
+def _smoke_switch() -> EnumProperty:
+    return EnumProperty(name="Smoke", description="Whether the particles are drawn as smoke", items=_SMOKE, default=0)
+
+
+def _radius_scale() -> FloatProperty:
+    return FloatProperty(
+        name="Radius Scale",
+        description="Factor on the particles' size, which gives the radius of each in the smoke: two standard "
+        "deviations of its density",
+        default=1.0,
+        min=0.0,
+        soft_max=10.0,
+    )
+
+
+class FumaroleParticleSettings(bpy.types.PropertyGroup):
+    """How the particles of a system become smoke."""
+
+    smoke: _smoke_switch()
+    radius_scale: _radius_scale()
+
+
+class FumaroleObjectSettings(bpy.types.PropertyGroup):
+    """How the points of a point cloud become smoke."""
+
+    smoke: _smoke_switch()
+    radius_scale: _radius_scale()
+
+
+class FumaroleSceneSettings(bpy.types.PropertyGroup):
+    """How smoke is lit and drawn."""
+
+    tolerance: FloatProperty(
+        name="Tolerance",
+        description="Relative error that lighting and drawing may cause in the picture. The light that reaches a "
+        "particle is kept within a tenth of it",
+        default=_DEFAULTS.tolerance,
+        min=1e-4,
+        max=0.5,
+        precision=4,
+    )
+    light_samples: IntProperty(
+        name="Light Samples",
+        description="Most points that a light with a size is sampled at. Lights that look small from the smoke take fewer",
+        default=_DEFAULTS.light_samples,
+        min=1,
+        max=1024,
+    )
+    leaf_size: IntProperty(
+        name="Leaf Size",
+        description="An octree cell that holds more particles than this is divided. It changes speed, not the picture",
+        default=_DEFAULTS.leaf_size,
+        min=1,
+        max=4096,
+    )
+    shadowing_density: FloatProperty(
+        name="Shadowing Density",
+        description="Factor on the density of the smoke as lights see it: higher makes shadows in the smoke darker. "
+        "1 is physically right",
+        default=1.0,
+        min=0.0,
+        soft_max=10.0,
+    )
+    solid_shadow_intensity: FloatProperty(
+        name="Solid Shadow Intensity",
+        description="Share of a light's power that solids block: lower gives softer shadows of objects on smoke. "
+        "1 is physically right",
+        default=1.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    subsampling: FloatProperty(
+        name="Particle Subsampling",
+        description="Share of the particles that cast shadows on smoke, chosen at random and made denser in turn: "
+        "lower is faster and rougher. 1 is physically right",
+        default=1.0,
+        min=1e-4,
+        max=1.0,
+        subtype="FACTOR",
+    )
+    intersection_scale: FloatProperty(
+        name="Intersection Size",
+        description="Factor on the particles' radius as lights see them: larger makes shadows in the smoke wider and "
+        "darker. 1 is physically right",
+        default=1.0,
+        min=0.01,
+        max=100.0,
+        soft_max=10.0,
+    )
+
+    def to_core(self) -> core.Settings:
+        """The settings of a render."""
+        return core.Settings(**{name: getattr(self, name) for name in self.__annotations__})
+
+
+_GROUPS = {
+    bpy.types.Scene: FumaroleSceneSettings,
+    bpy.types.ParticleSettings: FumaroleParticleSettings,
+    bpy.types.Object: FumaroleObjectSettings,
+}
+
+
+def register() -> None:
+    for owner, group in _GROUPS.items():
+        bpy.utils.register_class(group)
+        owner.fumarole = PointerProperty(type=group)
+
+
+def unregister() -> None:
+    for owner, group in _GROUPS.items():
+        del owner.fumarole
+        bpy.utils.unregister_class(group)
