@@ -5,7 +5,8 @@
 
 /* Length of the part of [low, high] within [0, size]. */
 static double length_within(double low, double high, double size) {
-  return fmax(fmin(high, size) - fmax(low, 0.0), 0.0);
+  const double start = low > 0.0 ? low : 0.0, end = high < size ? high : size;
+  return end > start ? end - start : 0.0;
 }
 
 /* Pixels of the tile that one axis of a footprint's bounding cube covers. */
