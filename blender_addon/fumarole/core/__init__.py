@@ -43,7 +43,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ._library import library as _library
+from . import _library
 from .camera import Camera
 from .context import Context
 from .errors import Cancelled, ErrorCode, FumaroleError
@@ -76,12 +76,12 @@ __all__ = [
 
 def version() -> str:
     """ "major.minor.patch" of the library. Raises FumaroleError when it cannot be loaded."""
-    return _library().fum_version().decode()
+    return _library.library().fum_version().decode()
 
 
 def build_info() -> str:
     """One line for bug reports: version, instruction set, Embree and OpenEXR versions reached."""
-    return _library().fum_build_info().decode()
+    return _library.library().fum_build_info().decode()
 
 
 def __getattr__(name: str) -> Any:

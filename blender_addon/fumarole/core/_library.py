@@ -75,7 +75,8 @@ def open_library(path: Path) -> ctypes.CDLL:
         try:
             function = getattr(library, name)
         except AttributeError:
-            continue
+            message = f"{path} has no function {name}: build or install the library and the Python files together"
+            raise FumaroleError(ErrorCode.LIBRARY, message) from None
         function.restype, function.argtypes = result, parameters
     check_abi(library, path)
     return library
