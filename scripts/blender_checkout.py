@@ -16,7 +16,8 @@ ADDONS = Path(__file__).resolve().parent.parent / "blender_addon"
 
 
 def enable_addon() -> None:
-    addon_utils.disable("fumarole")
+    if "fumarole" in sys.modules:
+        addon_utils.disable("fumarole")
     for name in [name for name in sys.modules if name.partition(".")[0] == "fumarole"]:
         del sys.modules[name]
     sys.path.insert(0, str(ADDONS))
