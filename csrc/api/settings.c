@@ -3,7 +3,7 @@
 
 void fum_settings_init(fum_settings *settings) {
   *settings = (fum_settings){.struct_size = sizeof *settings,
-                             .leaf_size = 32,
+                             .leaf_size = 64,
                              .light_samples = 16,
                              .tolerance = 0.01F,
                              .shadowing_density = 1.0F,
