@@ -99,12 +99,19 @@ def test_square_and_disk_ignore_the_second_size() -> None:
         np.testing.assert_array_equal(one, light_on_plane(type="AREA", power=10, shape=shape, size=0.5))
 
 
+@pytest.mark.parametrize("nothing", [{"size": 0.0}, {"matrix": np.diag([0.0, 0, 0, 1])}])
+def test_area_light_without_a_surface_emits_nothing(nothing: dict[str, object]) -> None:
+    assert not light_on_plane(type="AREA", power=10, **nothing).any()
+
+
 def test_without_normalize_the_radiance_is_that_of_a_square_metre() -> None:
     power = np.array([1.0, 2.0, 3.0])
     disc = math.pi * 0.5**2
     np.testing.assert_allclose(units.point_intensity(power, 0.5, normalize=False), power / math.pi * disc)
+    np.testing.assert_allclose(units.point_intensity(power, 0.0, normalize=False), power / math.pi)
     solid_angle = math.pi * math.sin(0.1) ** 2
     np.testing.assert_allclose(units.sun_irradiance(power, 0.2, normalize=False), power * solid_angle)
+    np.testing.assert_allclose(units.sun_irradiance(power, 0.0, normalize=False), power)
 
 
 def test_narrow_sun_of_3_4_has_no_division_by_zero() -> None:
@@ -117,8 +124,9 @@ def test_narrow_sun_of_3_4_has_no_division_by_zero() -> None:
     [
         ({"type": "HEMI"}, "type of 'key' is 'HEMI', expected one of POINT, SPOT, SUN, AREA"),
         ({"type": "AREA", "shape": "STAR"}, "shape of 'key' is 'STAR'"),
-        ({"type": "AREA", "size": 0.0}, "the size of area light 'key' is 0.0 x 0.0 m, expected above 0"),
-        ({"type": "AREA", "matrix": np.diag([0.0, 1, 1, 1])}, "matrix of 'key' has the scale"),
+        ({"type": "AREA", "size": -1.0}, "the size of area light 'key' is -1.0 x -1.0 m, expected finite and at least 0"),
+        ({"type": "AREA", "size": math.nan}, "the size of area light 'key' is nan x nan m"),
+        ({"type": "SPOT", "matrix": np.diag([0.0, 1, 1, 1]), "cycles": OLD}, "matrix of 'key' has the scale"),
         ({"type": "POINT", "power": "bright"}, "power of 'key' is 'bright', expected a number"),
         ({"type": "POINT", "color": (1, 2)}, r"color of 'key' is \(1, 2\), expected a number or three"),
         ({"type": "POINT", "power": -1.0}, "key"),

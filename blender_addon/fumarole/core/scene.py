@@ -162,8 +162,8 @@ class Scene:
         power: W; of a sun its strength, W/m^2. At least 0. color: linear RGB, multiplies the power.
         radius: POINT, SPOT: m. angle: SUN: full angle of its disc, radians, 0..pi.
         spot_angle: SPOT: full angle of the cone, radians, above 0 and at most pi. spot_blend: its soft share, 0..1.
-        shape: AREA: "SQUARE", "RECTANGLE", "DISK" or "ELLIPSE". size: its width or diameter, m, above 0; size_y: the
-            height of "RECTANGLE" and "ELLIPSE". The matrix's scale multiplies both.
+        shape: AREA: "SQUARE", "RECTANGLE", "DISK" or "ELLIPSE". size: its width or diameter, m; size_y: the height of
+            "RECTANGLE" and "ELLIPSE". The matrix's scale multiplies both. At least 0; where one is 0 nothing shines.
         spread: AREA: full angle that it shines over, radians, above 0 and at most pi.
         normalize: False keeps the radiance when the light's size changes (Blender 4.5 on).
         name: for errors.
@@ -184,12 +184,14 @@ class Scene:
             description.spot_blend = _arrays.number(spot_blend, f"spot_blend of {name!r}")
             description.spot_cosine = units.spot_has_cosine(cycles)
             if not units.spot_uses_scale(cycles):
-                world[:3, :3] /= _scale(world, name)
+                world[:3, :3] /= _spot_scale(world, name)
         elif type == "SUN":
             description.sun_angle = _arrays.number(angle, f"angle of {name!r}")
             intensity = units.sun_irradiance(watts, angle, normalize, cycles)
         elif type == "AREA":
             lengths = _area_size(world, shape, size, size_y, name)
+            if not lengths.all():  # emits nothing, as in Cycles
+                world, lengths, watts = np.eye(4), np.ones(2), np.zeros(3)
             description.area_shape = AREA_SHAPES[shape]
             description.area_size[:] = lengths
             description.area_spread = _arrays.number(spread, f"spread of {name!r}")
@@ -246,7 +248,7 @@ def _set_colors(description: Any, one: str, many: str, value: ArrayLike | None, 
         getattr(description, one)[:] = _arrays.triple(value, what)
 
 
-def _scale(world: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _spot_scale(world: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Lengths of the matrix's three axes, all above 0."""
     lengths = np.linalg.norm(world[:3, :3], axis=0)
     if not lengths.all():
@@ -260,6 +262,6 @@ def _area_size(world: NDArray[np.float64], shape: str, size: float, size_y: floa
         raise argument_error(f"shape of {name!r} is {shape!r}, expected one of {', '.join(AREA_SHAPES)}")
     width = _arrays.number(size, f"size of {name!r}")
     height = width if shape in ("SQUARE", "DISK") else _arrays.number(size_y, f"size_y of {name!r}")
-    if not (width > 0 and height > 0):
-        raise argument_error(f"the size of area light {name!r} is {width} x {height} m, expected above 0")
-    return np.array([width, height]) * _scale(world, name)[:2]
+    if not (0 <= width < math.inf and 0 <= height < math.inf):
+        raise argument_error(f"the size of area light {name!r} is {width} x {height} m, expected finite and at least 0")
+    return np.array([width, height]) * np.linalg.norm(world[:3, :2], axis=0)

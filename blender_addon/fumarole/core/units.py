@@ -25,18 +25,17 @@ def is_old(cycles: Version) -> bool:
 def point_intensity(power: Rgb, radius: float = 0.0, normalize: bool = True) -> Rgb:
     """Radiant intensity (W/sr) of a point or spot light of `power` (W).
 
-    Without `normalize` the power is that of a disc of one square metre: the light's disc of `radius` (m) then has the
-    radiance power / pi. A radius of 0 has no surface and is the same either way.
+    Without `normalize` the light's disc of `radius` (m) has the radiance power / pi; one of radius 0 counts as 1 m^2.
     """
-    if normalize or radius == 0.0:
+    if normalize:
         return power / (4.0 * math.pi)
-    return power * radius**2
+    return power * (radius**2 if radius > 0.0 else 1.0 / math.pi)
 
 
 def sun_irradiance(power: Rgb, angle: float = 0.0, normalize: bool = True, cycles: Version = (5, 0)) -> Rgb:
     """Irradiance (W/m^2) on a plane facing a sun of strength `power` and full `angle` (radians, 0..pi).
 
-    Without `normalize` the strength is the radiance of the sun's disc.
+    Without `normalize` the strength is the radiance of the sun's disc, unless its angle is 0.
     """
     half = 0.5 * angle
     if not normalize and angle > 0.0:
