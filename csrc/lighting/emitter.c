@@ -114,9 +114,9 @@ fum_emitter fum_lamp_sample(const fum_lamp *lamp, int32_t index) {
     if (d->area_shape == FUM_AREA_ELLIPSE) {
       disc_point(index, count, uv);
     } else { /* rank-1 lattice of the golden ratio over [-1, 1]^2 */
-      const double turn = (double)index * 0.61803398874989485;
+      const double turn = (double)index * 0.61803398874989485 + 0.5;
       uv[0] = 2.0F * ((float)index + 0.5F) / (float)count - 1.0F;
-      uv[1] = count > 1 ? 2.0F * (float)(turn + 0.5 / (double)count - floor(turn + 0.5 / (double)count)) - 1.0F : 0.0F;
+      uv[1] = 2.0F * (float)(turn - floor(turn)) - 1.0F;
     }
     emitter.position = fum_mad(lamp->right, 0.5F * uv[0] * d->area_size[0],
                                fum_mad(lamp->up, 0.5F * uv[1] * d->area_size[1], lamp->position));
