@@ -13,7 +13,7 @@ import numpy as np
 from . import compat, core
 from .export.camera import border, export_camera, resolution
 from .export.scene import Scene, build, export_scene
-from .passes import optional
+from .passes import enabled
 
 # Where each stage of a render begins and how much of it it is, for the progress bar.
 _STAGES = {
@@ -71,7 +71,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
         self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
     ) -> None:
         """Tells the compositor which passes there will be."""
-        for item in optional(renderlayer):
+        for item in enabled(renderlayer):
             self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
 
     def _render_view(
@@ -83,7 +83,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
         try:
             self.active_view_set(view)
             camera = self._camera(depsgraph, scene)
-            names = ["Combined", *(item.name for item in optional(layer))]
+            names = [item.name for item in enabled(layer)]
             result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), names)
             self._warn([*scene.warnings, *result.warnings])
             self._tell_statistics(result.stats)

@@ -11,6 +11,6 @@ from . import core
 SWITCHES = {"Depth": "use_pass_z"}
 
 
-def optional(view_layer: bpy.types.ViewLayer) -> list[core.Pass]:
-    """The passes that are switched on, besides Combined, which every view layer has."""
-    return [core.PASSES[name] for name, switch in SWITCHES.items() if getattr(view_layer, switch)]
+def enabled(view_layer: bpy.types.ViewLayer) -> list[core.Pass]:
+    """The passes to render: Combined, which every view layer has, and those that are switched on."""
+    return [core.PASSES[name] for name in core.PASSES if name not in SWITCHES or getattr(view_layer, SWITCHES[name])]

@@ -123,7 +123,7 @@ def _export_object(
             scene.warn(f"Object '{owner.name_full}': smoke of a fluid domain isn't drawn yet")
             return
         parent = instance.parent if instance.is_instance else owner
-        hidden = parent.original.indirect_only_get(view_layer=depsgraph.view_layer_eval)
+        hidden = parent.indirect_only_get(view_layer=depsgraph.view_layer_eval)
         _add(scene.meshes, reader.export(owner, matrix, hidden))
     elif owner.type == "LIGHT":
         _add(scene.lights, export_light(owner, matrix, scene.warn))
