@@ -28,7 +28,7 @@ void fum_warn(fum_context *context, const char *format, ...) {
   char **grown = realloc(context->warnings, (size_t)(context->warning_count + 1) * sizeof *grown);
   if (grown == NULL) return;
   context->warnings = grown;
-  char *copy = strdup(text);
+  char *copy = fum_copy_string(text);
   if (copy != NULL) context->warnings[context->warning_count++] = copy;
 }
 
@@ -65,6 +65,13 @@ double fum_now_s(void) {
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+char *fum_copy_string(const char *text) {
+  const size_t size = strlen(text) + 1;
+  char *copy = malloc(size);
+  if (copy != NULL) memcpy(copy, text, size);
+  return copy;
 }
 
 uint64_t fum_memory_available(void) {

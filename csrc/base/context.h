@@ -53,6 +53,10 @@ int32_t fum_alloc(fum_context *context, int64_t count, size_t size, const char *
 /* Frees what fum_alloc gave; NULL is allowed. `pointer` is the variable, which becomes NULL. */
 void fum_free(fum_context *context, void *out_pointer);
 
+/* A copy to be freed with free(), NULL without memory. Not strdup: a host may replace malloc, libc's own functions then
+ * allocate with the host's, while a library loaded with RTLD_DEEPBIND frees with libc's. */
+char *fum_copy_string(const char *text);
+
 /* Bytes of memory the system can still give without swapping, or UINT64_MAX when unknown. */
 uint64_t fum_memory_available(void);
 

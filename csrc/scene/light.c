@@ -77,7 +77,7 @@ int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
   if (status != FUM_OK) return status;
   fum_light *grown = realloc(scene->lights, (size_t)(scene->light_count + 1) * sizeof *grown);
   if (grown != NULL) scene->lights = grown;
-  char *copy = strdup(name);
+  char *copy = fum_copy_string(name);
   if (grown == NULL || copy == NULL) {
     free(copy);
     return fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for another light", name);

@@ -78,7 +78,7 @@ int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc) {
   int32_t status = check_desc(context, desc, name);
   if (status == FUM_OK) status = copy_mesh(context, desc, name, &mesh);
   if (status != FUM_OK) goto done;
-  mesh.name = strdup(name);
+  mesh.name = fum_copy_string(name);
   fum_mesh *grown = realloc(scene->meshes, (size_t)(scene->mesh_count + 1) * sizeof *grown);
   if (grown != NULL) scene->meshes = grown;
   if (mesh.name == NULL || grown == NULL) {

@@ -180,7 +180,7 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   set.count = count;
   status = copy_particles(context, desc, name, count, chosen, &set);
   if (status != FUM_OK) goto done;
-  set.name = strdup(name);
+  set.name = fum_copy_string(name);
   fum_particles *grown = realloc(scene->particles, (size_t)(scene->particles_count + 1) * sizeof *grown);
   if (grown != NULL) scene->particles = grown;
   if (set.name == NULL || grown == NULL) {
