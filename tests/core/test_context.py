@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import signal
 import subprocess
@@ -126,6 +127,16 @@ def test_dropped_particles_are_counted_in_a_warning() -> None:
         assert "chimney" in context.warnings[0] and "3" in context.warnings[0]
         context.clear_warnings()
         assert context.warnings == []
+
+
+@pytest.mark.parametrize("name", ["é" * 2000, "x" + "煙" * 2000, "lone \udce9 surrogate"])
+def test_any_name_can_be_told(name: str) -> None:
+    with core.Context() as context:
+        scene = core.Scene(context)
+        with pytest.raises(core.FumaroleError, match=name[:2]):
+            scene.add_light("POINT", power=-1.0, name=name)
+        scene.add_particles([(math.nan, 0, 0)], name=name)
+        assert name[:2] in context.warnings[0]
 
 
 def test_use_after_close_is_an_error() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from . import _abi
 from ._library import library
-from .errors import Cancelled, ErrorCode, FumaroleError
+from .errors import Cancelled, ErrorCode, FumaroleError, text_of
 
 Progress = Callable[[str, float, str], "bool | None"]
 
@@ -46,7 +46,7 @@ class Context:
         handle = ctypes.POINTER(_abi.fum_context)()
         code = lib.fum_context_create(ctypes.byref(handle))
         if code != _abi.FUM_OK:
-            raise error_of(code, lib.fum_last_error(None).decode())
+            raise error_of(code, text_of(lib.fum_last_error(None)))
         self.progress = progress
         self._handle = handle
         self._busy = threading.Lock()
@@ -76,7 +76,7 @@ class Context:
         """Warnings since the last clear_warnings(), each once."""
         lib = library()
         count = lib.fum_warning_count(self.handle)
-        return [lib.fum_warning(self.handle, index).decode() for index in range(count)]
+        return [text_of(lib.fum_warning(self.handle, index)) for index in range(count)]
 
     def clear_warnings(self) -> None:
         library().fum_warnings_clear(self.handle)
@@ -91,7 +91,7 @@ class Context:
             if failures:
                 raise failures[0]
             if code != _abi.FUM_OK:
-                raise error_of(code, library().fum_last_error(self.handle).decode())
+                raise error_of(code, text_of(library().fum_last_error(self.handle)))
         finally:
             self._busy.release()
 
@@ -102,7 +102,7 @@ class Context:
 
         def relay(_user: int | None, stage: int, fraction: float, message: bytes) -> int:
             try:
-                if failures or (self.progress and self.progress(STAGES[stage], fraction, message.decode())):
+                if failures or (self.progress and self.progress(STAGES[stage], fraction, text_of(message))):
                     return 1
             except BaseException as error:
                 failures.append(error)

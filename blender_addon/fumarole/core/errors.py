@@ -29,6 +29,11 @@ class Cancelled(FumaroleError):
         super().__init__(ErrorCode.CANCELLED, message)
 
 
+def text_of(message: bytes | None) -> str:
+    """A text from the library, which may have cut it in the middle of a character."""
+    return (message or b"").decode(errors="replace")
+
+
 def argument_error(message: str) -> FumaroleError:
     """The error of a wrong argument that was found before the library was called."""
     return FumaroleError(ErrorCode.ARGUMENT, message)

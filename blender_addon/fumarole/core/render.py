@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _abi, _arrays
 from ._library import library
 from .camera import Camera
-from .errors import argument_error
+from .errors import argument_error, text_of
 from .passes import Pass, passes as pass_table
 from .scene import Scene
 from .settings import SOLVERS, Settings
@@ -53,7 +53,7 @@ class Stats:
     def from_struct(cls, struct: _abi.fum_render_stats) -> Stats:
         values = {field.name: getattr(struct, field.name) for field in dataclasses.fields(cls)}
         values["solver"] = next(name for name, value in SOLVERS.items() if value == struct.solver)
-        values["device"] = struct.device.decode()
+        values["device"] = text_of(struct.device)
         return cls(**values)
 
 

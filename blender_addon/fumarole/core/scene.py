@@ -29,7 +29,7 @@ def described(struct: type[ctypes.Structure], name: str) -> Any:
     """A description struct with the library's defaults and the object's name."""
     description = struct()
     getattr(library(), f"{struct.__name__}_init")(ctypes.byref(description))
-    description.name = name.encode()
+    description.name = name.encode(errors="replace")
     return description
 
 
