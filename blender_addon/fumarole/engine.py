@@ -64,7 +64,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
                 core_scene = build(scene, context)
                 views = _views(render)
                 for index, view in enumerate(views):
-                    context.progress = self._progress(scene, index, len(views))
+                    context.progress = self._progress(index, len(views))
                     self._render_view(depsgraph, core_scene, scene, view)
 
     def update_render_passes(
@@ -125,14 +125,18 @@ class FumaroleEngine(bpy.types.RenderEngine):
             traceback.print_exc()
             self.report({"ERROR"}, f"Fumarole: internal error, please report it: {type(error).__name__}: {error}")
 
-    def _progress(self, scene: Scene, view: int, view_count: int) -> core.context.Progress:
-        count = sum(len(item.positions) for item in scene.particles)
-        text = f"{count:,} particles, {len(scene.lights)} lights"
+    def _progress(self, view: int, view_count: int) -> core.context.Progress:
+        told = ""
 
         def report(stage: str, fraction: float, message: str) -> bool:
+            nonlocal told
             start, share = _STAGES[stage]
             self.update_progress((view + start + share * fraction) / view_count)
-            self.update_stats(text, f"{message} {fraction:.0%}")
+            # In the background each text is a line of its own: ten a stage are enough.
+            text = f"{message}, {int(10 * fraction) * 10} %"
+            if text != told:
+                self.update_stats("", text)
+                told = text
             return self.test_break()
 
         return report
@@ -141,8 +145,9 @@ class FumaroleEngine(bpy.types.RenderEngine):
         mebibytes = stats.memory_bytes / 2**20
         self.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         self.update_stats(
-            f"{stats.particle_count:,} particles, {stats.light_count} lights, {mebibytes:,.0f} MiB",
-            f"Lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}",
+            "",
+            f"{stats.particle_count:,} particles, {stats.light_count} lights, {mebibytes:,.0f} MiB, "
+            f"lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}",
         )
 
     def _warn(self, warnings: list[str]) -> None:

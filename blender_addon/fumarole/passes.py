@@ -13,4 +13,5 @@ SWITCHES = {"Depth": "use_pass_z"}
 
 def enabled(view_layer: bpy.types.ViewLayer) -> list[core.Pass]:
     """The passes to render: Combined, which every view layer has, and those that are switched on."""
-    return [core.PASSES[name] for name in core.PASSES if name not in SWITCHES or getattr(view_layer, SWITCHES[name])]
+    switched_on = (name for name, switch in SWITCHES.items() if getattr(view_layer, switch))
+    return [core.PASSES[name] for name in ("Combined", *switched_on)]

@@ -50,22 +50,23 @@ class Blender:
         return [str(self.python), str(HERE / "render_file.py"), "--", str(blend), *options]
 
 
-def environment(user_folder: Path) -> dict[str, str]:
-    """An environment without the user's Blender settings, in which the checkout's add-on can be enabled."""
-    addons = user_folder / "scripts" / "addons"
+def environment(folder: Path, with_checkout: bool = True) -> dict[str, str]:
+    """An environment with a fresh user folder in `folder`; the checkout's add-on can be enabled there, or is absent."""
+    user = folder / "user"
+    addons = user / "scripts" / "addons"
     addons.mkdir(parents=True, exist_ok=True)
     link = addons / "fumarole"
-    if not link.exists():
+    if with_checkout and not link.exists():
         link.symlink_to(ROOT / "blender_addon" / "fumarole")
-    result = {**os.environ, "BLENDER_USER_RESOURCES": str(user_folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    result["BLENDER_USER_SCRIPTS"] = str(user_folder / "scripts")
-    return result
+    settings = {"BLENDER_USER_RESOURCES": str(user), "BLENDER_USER_SCRIPTS": str(user / "scripts")}
+    return {**os.environ, **settings, "PYTHONDONTWRITEBYTECODE": "1"}
 
 
-def run(command: list[str], folder: Path, seconds: float = 120) -> Run:
-    """Runs a command to its end or time limit; `folder` is for the user's files of that Blender."""
+def run(command: list[str], folder: Path, seconds: float = 120, with_checkout: bool = True) -> Run:
+    """Runs a command to its end or time limit, in the environment() of `folder`."""
+    surroundings = environment(folder, with_checkout)
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=environment(folder), errors="replace", text=True
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=surroundings, errors="replace", text=True
     )
     try:
         output, _ = process.communicate(timeout=seconds)
