@@ -63,7 +63,8 @@ static int32_t find_solid_depths(render *r) {
   const fum_view *view = &r->view;
 #pragma omp parallel for num_threads(fum_thread_count(r->context)) schedule(dynamic, 8)
   for (int32_t y = 0; y < view->height; y++) {
-    for (int32_t x = 0; x < view->width && !fum_is_cancelled(r->context); x++) {
+    if (fum_progress_in_loop(r->context, y, 8)) continue;
+    for (int32_t x = 0; x < view->width; x++) {
       double start[3], direction[3];
       fum_view_ray(view, x + 0.5, y + 0.5, start, direction);
       const fum_vec3 from = {(float)start[0], (float)start[1], (float)start[2]};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "base/context.h"
 
-#include <omp.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -39,6 +39,8 @@ void fum_progress_begin(fum_context *context) {
 
 int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message) {
   const double interval_s = 0.05;
+  context->progress_last_fraction = fraction;
+  context->progress_last_message = message;
   if (context->progress != NULL && !atomic_load(&context->cancelled)) {
     const double now_s = fum_now_s();
     if (stage != context->progress_last_stage || now_s - context->progress_last_s >= interval_s) {
@@ -53,8 +55,10 @@ int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction,
   return FUM_OK;
 }
 
-bool fum_is_cancelled(const fum_context *context) {
-  return atomic_load_explicit(&context->cancelled, memory_order_relaxed) != 0;
+void fum_progress_pulse(fum_context *context) {
+  if (context->progress_last_stage < 0) return;
+  (void)fum_progress_report(context, context->progress_last_stage, context->progress_last_fraction,
+                            context->progress_last_message);
 }
 
 int32_t fum_thread_count(const fum_context *context) {
@@ -105,8 +109,9 @@ int32_t fum_alloc(fum_context *context, int64_t count, size_t size, const char *
   if (!overflows && (bytes < LARGE_BYTES || bytes < fum_memory_available())) base = calloc(1, bytes);
   if (base == NULL) {
     const double gib = 1024.0 * 1024.0 * 1024.0;
-    return fum_fail(context, FUM_ERROR_MEMORY, "%s: %lld entries need %.2f GiB of memory, %.2f GiB are free", what,
-                    (long long)count, (double)count * (double)size / gib, (double)fum_memory_available() / gib);
+    return fum_fail(context, FUM_ERROR_MEMORY, "%s: %lld entries need %.2f GiB of memory; %.2f GiB are free, enough for %.0f", what,
+                    (long long)count, (double)count * (double)size / gib, (double)fum_memory_available() / gib,
+                    floor((double)fum_memory_available() / (double)size));
   }
   char *pointer = (char *)base + sizeof(block_header);
   pointer += (ALIGNMENT - (uintptr_t)pointer % ALIGNMENT) % ALIGNMENT;

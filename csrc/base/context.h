@@ -5,6 +5,7 @@
 
 #include "fumarole.h"
 
+#include <omp.h>
 #include <stdatomic.h>
 #include <stdbool.h>
 
@@ -18,7 +19,9 @@ struct fum_context {
   fum_progress_fn progress;
   void *progress_user;
   double progress_last_s;
-  int32_t progress_last_stage;
+  int32_t progress_last_stage; /* -1: none yet in this call */
+  float progress_last_fraction;
+  const char *progress_last_message;
   atomic_int cancelled;
   atomic_uint_least64_t memory_bytes, memory_peak_bytes;
   struct fum_gl *gl; /* owned by billboard/gl, made on the first draw */
@@ -33,12 +36,24 @@ void fum_warn(fum_context *context, const char *format, ...) __attribute__((form
 /* Clears the cancel flag and the progress throttle at the start of a public call. */
 void fum_progress_begin(fum_context *context);
 
-/* Reports progress (at most 20 times a second within a stage). Only on the thread that called the library.
- * Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
+/* Reports progress (at most 20 times a second within a stage). Only on the thread that called the library. `message`
+ * is a literal. Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
 int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message);
 
+/* Reports the last progress again, so that the user can cancel in the middle of a long step. Only on the thread that
+ * called the library. */
+void fum_progress_pulse(fum_context *context);
+
 /* True once the user has cancelled; for worker threads, which must not call fum_progress_report. */
-bool fum_is_cancelled(const fum_context *context);
+static inline bool fum_is_cancelled(const fum_context *context) {
+  return atomic_load_explicit(&context->cancelled, memory_order_relaxed) != 0;
+}
+
+/* In a loop over many items: a pulse at every `stride`-th (a power of two) of the calling thread. True if cancelled. */
+static inline bool fum_progress_in_loop(fum_context *context, int64_t item, int64_t stride) {
+  if ((item & (stride - 1)) == 0 && omp_get_thread_num() == 0) fum_progress_pulse(context);
+  return fum_is_cancelled(context);
+}
 
 /* Threads to use. */
 int32_t fum_thread_count(const fum_context *context);

@@ -4,7 +4,7 @@
 #include <omp.h>
 #include <string.h>
 
-enum { DIGIT_BITS = 8, BUCKETS = 1 << DIGIT_BITS };
+enum { DIGIT_BITS = 8, BUCKETS = 1 << DIGIT_BITS, CHECK_STRIDE = 1 << 18 };
 
 typedef struct buffers {
   uint64_t *keys;
@@ -35,7 +35,7 @@ static void counts_to_offsets(int64_t counts[][BUCKETS], int blocks) {
 }
 
 /* One pass; returns false if nothing had to move. */
-static bool sort_digit(int64_t count, int shift, buffers from, buffers to, int64_t counts[][BUCKETS], int blocks) {
+static bool sort_digit(fum_context *context, int64_t count, int shift, buffers from, buffers to, int64_t counts[][BUCKETS], int blocks) {
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
     int64_t *mine = counts[block];
@@ -43,6 +43,7 @@ static bool sort_digit(int64_t count, int shift, buffers from, buffers to, int64
     const int64_t end = block_begin(count, block + 1, blocks);
     for (int64_t i = block_begin(count, block, blocks); i < end; i++) mine[(from.keys[i] >> shift) & (BUCKETS - 1)]++;
   }
+  fum_progress_pulse(context);
   if (is_uniform(count, counts, blocks)) return false;
   counts_to_offsets(counts, blocks);
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
@@ -50,6 +51,7 @@ static bool sort_digit(int64_t count, int shift, buffers from, buffers to, int64
     int64_t *offsets = counts[block];
     const int64_t end = block_begin(count, block + 1, blocks);
     for (int64_t i = block_begin(count, block, blocks); i < end; i++) {
+      if (fum_progress_in_loop(context, i, CHECK_STRIDE)) break;
       const int64_t target = offsets[(from.keys[i] >> shift) & (BUCKETS - 1)]++;
       to.keys[target] = from.keys[i];
       if (from.values != NULL) to.values[target] = from.values[i];
@@ -69,12 +71,15 @@ int32_t fum_radix_sort(fum_context *context, int64_t count, int first_bit, uint6
   buffers scratch = to;
   if (status != FUM_OK) goto done;
   for (int shift = first_bit; shift < 64; shift += DIGIT_BITS) {
-    if (!sort_digit(count, shift, from, to, counts, blocks)) continue;
+    if (fum_is_cancelled(context)) break;
+    if (!sort_digit(context, count, shift, from, to, counts, blocks)) continue;
     const buffers swap = from;
     from = to;
     to = swap;
   }
-  if (from.keys != keys) {
+  if (fum_is_cancelled(context)) {
+    status = FUM_ERROR_CANCELLED;
+  } else if (from.keys != keys) {
     memcpy(keys, from.keys, (size_t)count * sizeof *keys);
     if (values != NULL) memcpy(values, from.values, (size_t)count * sizeof *values);
   }

@@ -5,6 +5,8 @@
 
 #include <string.h>
 
+enum { CHECK_STRIDE = 1 << 17 };
+
 static void to_camera(const fum_octree *octree, const fum_view *view, uint32_t rank, double out[3]) {
   const double local[3] = {(double)octree->x[rank], (double)octree->y[rank], (double)octree->z[rank]};
   fum_transform_point(view->camera_from_local, local, out);
@@ -58,6 +60,7 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
   for (int64_t rank = 0; rank < octree->count; rank++) {
     double center[3];
+    if (fum_progress_in_loop(context, rank, CHECK_STRIDE)) continue;
     to_camera(octree, view, (uint32_t)rank, center);
     const double depth = view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -center[2]) : 1.0;
     const double sigma = fmax(1.0 / (double)octree->inverse_sigmas[rank], pixel * depth);
@@ -92,6 +95,7 @@ void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, co
                                const float *light, int64_t count, const uint32_t *ranks, fum_billboard *out_billboards) {
 #pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
   for (int64_t n = 0; n < count; n++) {
+    if (fum_progress_in_loop(scene->context, n, CHECK_STRIDE)) continue;
     const uint32_t rank = ranks[n], index = octree->indices[rank];
     const fum_particles *set = fum_scene_particles_of(scene, index);
     const int64_t i = index - set->offset;

@@ -155,10 +155,19 @@ static float spread_factor(float spread, float cosine) {
   return (float)(fmax(0.0, tan(half) - tangent) / (tan(half) - half));
 }
 
+/* Mean cosine of the sun's samples, evenly spread over a disc of radius tan(angle / 2) at unit distance: the irradiance
+ * that a sun is given by is that of a plane facing it. */
+static float sun_mean_cosine(const fum_lamp *lamp) {
+  const double half = 0.5 * (double)fminf(lamp->desc.sun_angle, 3.0F);
+  if (lamp->sample_count == 1 || half < 1e-3) return 1.0F;
+  const double tangent = tan(half);
+  return (float)(2.0 * (1.0 / cos(half) - 1.0) / (tangent * tangent));
+}
+
 float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, fum_vec3 point) {
   const fum_light_desc *d = &lamp->desc;
   const float share = 1.0F / (float)lamp->sample_count;
-  if (d->type == FUM_LIGHT_SUN) return share;
+  if (d->type == FUM_LIGHT_SUN) return share / sun_mean_cosine(lamp);
   const fum_vec3 from_light = fum_sub(point, emitter->position);
   const float distance_squared = fum_dot(from_light, from_light);
   const fum_vec3 direction = normalized(from_light);

@@ -7,7 +7,7 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
   const fum_octree *octree = g->receivers->octree;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
-    if (fum_is_cancelled(g->context)) continue;
+    if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
     const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
     fum_vec3 to_light = emitter->direction;
     float distance = INFINITY;

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MORTON_BITS = 21, MORTON_LEVELS = MORTON_BITS };
+enum { MORTON_BITS = 21, CHECK_STRIDE = 1 << 17 };
 
 static int32_t allocate(fum_context *context, int64_t count, bool has_density, fum_octree *octree) {
   const char *what = "density octree";
@@ -145,10 +145,7 @@ static int32_t build_nodes(fum_context *context, fum_octree *octree, const uint6
     status = grow_nodes(context, octree, &capacity, octree->node_count + 8);
     if (status != FUM_OK) return status;
     subdivide(octree, codes, i);
-    if ((i & 0xfff) == 0) {
-      status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.8F, "Subdividing cells");
-      if (status != FUM_OK) return status;
-    }
+    if (fum_progress_in_loop(context, i, 1 << 12)) return FUM_ERROR_CANCELLED;
   }
   return FUM_OK;
 }
@@ -204,6 +201,7 @@ static int32_t build(fum_context *context, const unsorted *points, int32_t leaf_
   const morton_cube cube = find_cube(context, points);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < points->count; i++) {
+    if (fum_progress_in_loop(context, i, CHECK_STRIDE)) continue;
     codes[i] = morton_code(&cube, points->positions + 3 * i);
     octree->indices[i] = (uint32_t)i;
   }
@@ -211,6 +209,7 @@ static int32_t build(fum_context *context, const unsorted *points, int32_t leaf_
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < points->count; i++) {
+    if (fum_progress_in_loop(context, i, CHECK_STRIDE)) continue;
     const float *p = points->positions + 3 * (int64_t)octree->indices[i];
     octree->x[i] = p[0];
     octree->y[i] = p[1];
@@ -247,6 +246,7 @@ static void collect_chosen(const fum_scene *scene, float share, unsorted *points
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
     for (int64_t i = 0; i < set->count; i++) {
+      if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) return;
       if (!is_chosen(scene, set, i, share)) continue;
       local_from_world(scene->origin, set->positions + 3 * i, points->positions + 3 * n);
       points->indices[n++] = (uint32_t)(set->offset + i);
@@ -258,6 +258,7 @@ static void collect_chosen(const fum_scene *scene, float share, unsorted *points
 static void fill_densities(const fum_scene *scene, float share, const unsorted *points, fum_octree *octree) {
 #pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
+    if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) continue;
     const uint32_t index = points->indices[octree->indices[i]];
     const fum_particles *set = fum_scene_particles_of(scene, index);
     const double sigma = (double)set->sigmas[index - set->offset];
@@ -279,10 +280,14 @@ int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *optio
   if (status == FUM_OK) status = fum_alloc(context, points.count, 3 * sizeof(float), "density octree", &points.positions);
   if (status == FUM_OK) status = fum_alloc(context, points.count, sizeof(uint32_t), "density octree", &points.indices);
   if (status != FUM_OK) goto done;
+  status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Collecting particles");
+  if (status != FUM_OK) goto done;
   collect_chosen(scene, options->subsampling, &points);
   status = build(context, &points, options->leaf_size, octree);
   if (status != FUM_OK) goto done;
   fill_densities(scene, options->subsampling, &points, octree);
+  status = fum_progress_report(context, FUM_STAGE_OCTREE, 1.0F, "Octree is built");
+  if (status != FUM_OK) goto done;
   *out_octree = octree;
   octree = NULL;
 done:

@@ -2,6 +2,7 @@
 #include "solid/solid.h"
 
 #include <embree3/rtcore.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -76,6 +77,27 @@ static int32_t add_mesh(const fum_scene *scene, const fum_mesh *mesh, fum_solids
   return FUM_OK;
 }
 
+/* Embree asks this from its own threads as well; only the thread that called us may report. */
+typedef struct monitor {
+  fum_context *context;
+  pthread_t caller;
+} monitor;
+
+static bool go_on(void *user, double fraction) {
+  (void)fraction;
+  monitor *m = user;
+  if (pthread_equal(pthread_self(), m->caller)) fum_progress_pulse(m->context);
+  return !fum_is_cancelled(m->context);
+}
+
+static void commit(fum_context *context, RTCScene scene) {
+  if (scene == NULL || fum_is_cancelled(context)) return;
+  monitor m = {context, pthread_self()};
+  rtcSetSceneProgressMonitorFunction(scene, go_on, &m);
+  rtcCommitScene(scene);
+  rtcSetSceneProgressMonitorFunction(scene, NULL, NULL);
+}
+
 int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
   fum_context *context = scene->context;
   int64_t triangles = 0;
@@ -94,11 +116,14 @@ int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
   rtcSetDeviceErrorFunction(solids->device, note_error, message);
   for (int32_t i = 0; i < scene->mesh_count && status == FUM_OK; i++) {
     if (scene->meshes[i].triangle_count > 0) status = add_mesh(scene, &scene->meshes[i], solids);
+    if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Building meshes");
   }
   if (status != FUM_OK) goto done;
-  if (solids->shadow != NULL) rtcCommitScene(solids->shadow);
-  if (solids->camera != NULL) rtcCommitScene(solids->camera);
+  commit(context, solids->shadow);
+  commit(context, solids->camera);
   rtcSetDeviceErrorFunction(solids->device, NULL, NULL);
+  status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Building meshes");
+  if (status != FUM_OK) goto done;
   if (message[0] != '\0') {
     status = fum_fail(context, FUM_ERROR_LIBRARY, "Embree could not build the meshes: %s", message);
     goto done;
