@@ -13,6 +13,7 @@
 
 typedef float fum_vf __attribute__((vector_size(4 * FUM_LANES)));
 typedef int32_t fum_vi __attribute__((vector_size(4 * FUM_LANES)));
+typedef uint32_t fum_vu __attribute__((vector_size(4 * FUM_LANES))); /* wraps around without undefined behaviour */
 
 static inline fum_vf fum_vf_set(float value) { return value - (fum_vf){0}; }
 
@@ -49,8 +50,8 @@ static inline fum_vf fum_vf_exp2(fum_vf x) {
   p = p * f + 2.4022651e-1F;
   p = p * f + 6.9314720e-1F;
   p = p * f + 1.0F;
-  const fum_vi exponent = (fum_vi)rounded << 23;
-  return (fum_vf)(((fum_vi)p + exponent) & ~is_zero);
+  const fum_vu exponent = (fum_vu)rounded << 23;
+  return (fum_vf)(((fum_vu)p + exponent) & ~(fum_vu)is_zero);
 }
 
 /* erfc(z / sqrt 2) / 2, the upper tail of the normal distribution, for z >= 0 within 3e-7 relative where it matters.

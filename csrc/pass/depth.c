@@ -211,7 +211,7 @@ static void find_tile(tile *t, const float *reaches, const fum_view *view, const
   if (extent[0] < extent[1]) {
     find_beam(t, view, corner, size, extent);
     fum_beam_walk(t->octree, reaches, &t->beam, collect, t);
-    if (t->is_out_of_memory || !lay_out(t)) {
+    if (t->is_out_of_memory || (t->count > 0 && !lay_out(t))) {
       t->is_out_of_memory = true;
       return;
     }

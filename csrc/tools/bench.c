@@ -90,6 +90,10 @@ static int parse(int argc, char **argv, options *o) {
   fum_settings_init(&o->settings);
   if (argc < 2) return usage_error("a command is missing", "");
   o->command = argv[1];
+  if (strcmp(o->command, "--help") == 0) {
+    printf("%s", USAGE);
+    exit(0);
+  }
   if (strcmp(o->command, "lighting") != 0 && strcmp(o->command, "frame") != 0) {
     return usage_error("unknown command", o->command);
   }

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The benchmark program: what it prints, what it reads, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exr_reader import read_exr
+
+from fumarole.core import _library
+
+BENCH = _library.candidates()[-1].parent / "fumarole-bench"
+
+
+def bench(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [str(BENCH), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=dict(os.environ))
+
+
+def row(*arguments: object) -> dict:
+    done = bench(*arguments)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("\n") == 1
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("solver", ["exact", "automatic"])
+def test_lighting_is_within_the_promise(solver: str) -> None:
+    found = row("lighting", "--particles", 20_000, "--lights", 2, "--solver", solver, "--threads", 2, "--sample", 100)
+    assert (found["particles"], found["lights"], found["solver"], found["threads"]) == (20_000, 2, "exact", 2)
+    assert 0 < found["rms"] <= found["p95"] <= found["worst"] < 1e-3
+    assert found["build_s"] > 0 and found["light_s"] > 0 and found["peak_rss_mb"] > 1
+    tight = row("lighting", "--particles", 20_000, "--lights", 2, "--tolerance", 0.001, "--sample", 100)
+    assert tight["worst"] < 1e-4
+
+
+def test_frame_writes_the_picture(tmp_path: Path) -> None:
+    path = tmp_path / "plume.exr"
+    found = row("frame", "--particles", 5_000, "--width", 96, "--height", 64, "--depth", "--exr", path, "--device", "gl")
+    assert found["drawn"] == 5_000 and found["device"]
+    assert found["total_s"] >= found["light_s"] + found["sort_s"] + found["draw_s"] + found["passes_s"]
+    channels = read_exr(path)
+    assert set(channels) == {"R", "G", "B", "A", "Depth.Z"}
+    assert channels["A"].shape == (64, 96) and 0.9 < channels["A"].max() <= 1.0
+    assert channels["A"][0, 0] < 0.01 and channels["R"].max() > 0.01
+
+
+HEADER = """ply
+format binary_little_endian 1.0
+comment made by a test
+element vertex {count}
+property double x
+property float z
+property float y
+property uchar red
+property uchar green
+property uchar blue
+property int age
+property float radius
+{rest}end_header
+"""
+LAYOUT = np.dtype(
+    [("x", "<f8"), ("z", "<f4"), ("y", "<f4"), ("rgb", "u1", 3), ("age", "<i4"), ("radius", "<f4"), ("density", "<f4")]
+)
+
+
+def test_ply_file(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    points = np.zeros(3_000, LAYOUT)
+    for axis in "xyz":
+        points[axis] = rng.uniform(-1, 1, points.size)
+    points["rgb"], points["radius"], points["density"] = (255, 128, 0), 0.2, 1.0
+    path = tmp_path / "points.ply"
+    path.write_bytes(HEADER.format(count=points.size, rest="property float density\n").encode() + points.tobytes())
+    picture = tmp_path / "points.exr"
+    found = row("frame", "--file", path, "--width", 32, "--height", 32, "--exr", picture)
+    assert found["particles"] == 3_000
+    channels = read_exr(picture)
+    assert channels["G"].sum() == pytest.approx(channels["R"].sum() * 128 / 255, rel=1e-3)
+    assert channels["B"].max() == 0.0
+    lighting = row("lighting", "--file", path, "--sample", 50)
+    assert lighting["particles"] == 3_000 and 0 < lighting["worst"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"solid nothing", "not a PLY file"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0", "binary_little_endian"),
+        (b"ply\nformat binary_little_endian 1.0\nend_header\n", "no element vertex"),
+        (b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty list uchar int x\nend_header\n", "can't use"),
+        (b"ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nend_header\n\0\0\0\0", "ends before"),
+        (b"ply\nformat binary_little_endian 1.0\nelement vertex 2\n", "header doesn't end"),
+    ],
+)
+def test_broken_ply_is_named(content: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "broken.ply"
+    path.write_bytes(content)
+    done = bench("lighting", "--file", path)
+    assert done.returncode == 1 and done.stdout == ""
+    assert message in done.stderr and "broken.ply" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["fly"], ["lighting", "--particles"], ["lighting", "--solver", "guess"], ["frame", "--width", "x"]],
+)
+def test_wrong_arguments_show_the_usage(arguments: list[str]) -> None:
+    done = bench(*arguments)
+    assert done.returncode == 2 and done.stdout == "" and "usage: fumarole-bench" in done.stderr
+
+
+def test_missing_file_is_named() -> None:
+    done = bench("lighting", "--file", "/nowhere/points.ply")
+    assert done.returncode == 1 and "/nowhere/points.ply" in done.stderr
