@@ -112,7 +112,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
 
     @contextlib.contextmanager
     def _reporting(self) -> Iterator[None]:
-        """Turns exceptions into reports. Cancelling is Blender's own doing, unless an interrupt came as an exception."""
+        """Turns exceptions into reports. Of cancelling Blender knows, unless an interrupt came as an exception."""
         try:
             yield
         except core.Cancelled:

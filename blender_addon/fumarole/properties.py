@@ -60,7 +60,8 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
     )
     light_samples: IntProperty(
         name="Light Samples",
-        description="Most points that a light with a size is sampled at. Lights that look small from the smoke take fewer",
+        description="Most points that a light with a size is sampled at. Lights that look small from the smoke take "
+        "fewer",
         default=_DEFAULTS.light_samples,
         min=1,
         max=1024,

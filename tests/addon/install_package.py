@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run inside Blender: -- ZIP PICTURE. Installs the zip as a user would, and renders a picture with what was installed."""
+"""Run inside Blender: -- ZIP PICTURE. Installs the zip as a user would and renders a picture with it."""
 
 from __future__ import annotations
 

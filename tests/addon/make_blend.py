@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run inside Blender: -- BLEND PICTURES [CAMERA]. Saves a scene of baked smoke, seen by a camera of that type or none."""
+"""Run inside Blender: -- BLEND PICTURES CAMERA. Saves a scene of baked smoke; CAMERA is its type or NONE."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs a pytest file inside Blender: -- REPORT FILE [pytest options]. Writes a JSON line as each test starts and ends."""
+"""Runs a pytest file inside Blender: -- REPORT FILE [pytest options]. Writes a JSON line as a test starts and ends."""
 
 from __future__ import annotations
 
@@ -54,8 +54,9 @@ def main() -> int:
             recorder.write(test="enable", outcome="failed", text="the add-on could not be enabled")
             return 1
         folder = Path(report).parent / "pytest"
-        isolation = ["-p", "no:cacheprovider", "-p", "blender_fixtures", f"--confcutdir={HERE / 'inside'}", f"--basetemp={folder}"]
-        code = int(pytest.main([file, "-q", "-c", os.devnull, f"--rootdir={HERE}", *isolation, *options], [recorder]))
+        plugins = ["-p", "no:cacheprovider", "-p", "blender_fixtures"]
+        places = ["-c", os.devnull, f"--rootdir={HERE}", f"--confcutdir={HERE / 'inside'}", f"--basetemp={folder}"]
+        code = int(pytest.main([file, "-q", *plugins, *places, *options], [recorder]))
         recorder.write(test="", end=True)
     return code
 

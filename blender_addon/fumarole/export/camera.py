@@ -27,7 +27,8 @@ def export_camera(
     lens = owner.data
     name = f"Camera '{owner.name_full}'"
     if not isinstance(lens, bpy.types.Camera):
-        raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"'{owner.name_full}' is set as camera but is a {owner.type.lower()}")
+        kind = owner.type.lower()
+        raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"'{owner.name_full}' is set as camera but is a {kind}")
     if lens.type not in _TYPES:
         raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"{name} is of type {lens.type}, which isn't supported")
     if lens.dof.use_dof:

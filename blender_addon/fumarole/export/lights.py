@@ -79,7 +79,7 @@ def _emission(lamp: bpy.types.Light, name: str, warn: Warn) -> np.ndarray:
     if node.bl_idname != "ShaderNodeEmission":
         warn(f"{name}: node '{node.name}' ({node.bl_label}) isn't supported; the light's power is used as it is")
         return np.ones(3)
-    return (reader.colour(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]
+    return (reader.color(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]
 
 
 def _warn_of_features(owner: bpy.types.Object, lamp: bpy.types.Light, name: str, warn: Warn) -> None:

@@ -117,7 +117,8 @@ def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
     extinction = total.mean(axis=1)
     if np.any(np.ptp(total, axis=1) > 1e-4 * extinction):
         row = total[np.argmax(np.ptp(total, axis=1))]
-        warn(f"{owner}: coloured extinction ({row[0]:.4g}, {row[1]:.4g}, {row[2]:.4g}) isn't supported; its mean is used")
+        shown = ", ".join(f"{channel:.4g}" for channel in row)
+        warn(f"{owner}: coloured extinction ({shown}) isn't supported; its mean is used")
     albedo = np.divide(scattering, total, out=np.zeros_like(total), where=total > 0)
     scattered = scattering.mean(axis=1).sum()
     anisotropy = float(medium.forward.sum() / scattered) if scattered > 0 else 0.0
@@ -139,7 +140,8 @@ def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) ->
         return first * (1 - factor) + second * factor
     leaf = _LEAVES.get(node.bl_idname)
     if leaf is None:
-        reader.warn(f"{reader.owner}: node '{node.name}' ({node.bl_label}) isn't supported in smoke; it counts as nothing")
+        which = f"{reader.owner}: node '{node.name}' ({node.bl_label})"
+        reader.warn(f"{which} isn't supported in smoke; it counts as nothing")
         return _EMPTY
     return leaf(reader, node, groups)
 
@@ -150,7 +152,8 @@ def _scattering(reader: NodeReader, node: bpy.types.Node, groups: tuple, scatter
     if phase == "HENYEY_GREENSTEIN":
         g = reader.number(node, "Anisotropy", groups)
     else:
-        reader.warn(f"{reader.owner}: phase function {phase} of node '{node.name}' isn't supported; smoke scatters evenly")
+        which = f"{reader.owner}: phase function {phase} of node '{node.name}'"
+        reader.warn(f"{which} isn't supported; smoke scatters evenly")
         g = np.zeros(1)
     forward = scattering.mean(axis=1) * g
     return _Medium(scattering, np.zeros((1, 3)), np.zeros((1, 3)), forward, frozenset(np.unique(g).tolist()[:3]))
@@ -161,14 +164,15 @@ def _principled(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Med
     by_density = reader.attributes(reader.text(node, "Density Attribute"))
     if by_density is not None:
         density = density * np.maximum(by_density if by_density.ndim == 1 else by_density.mean(axis=1), 0)
-    colour = np.clip(reader.colour(node, "Color", groups), 0, 1)
+    colour = np.clip(reader.color(node, "Color", groups), 0, 1)
     by_colour = reader.attributes(reader.text(node, "Color Attribute"))
     if by_colour is not None:
         colour = colour * np.clip(by_colour if by_colour.ndim == 2 else by_colour[:, None], 0, 1)
-    absorbing = np.sqrt(np.clip(reader.colour(node, "Absorption Color", groups), 0, 1))
+    absorbing = np.sqrt(np.clip(reader.color(node, "Absorption Color", groups), 0, 1))
     medium = _scattering(reader, node, groups, colour * density[:, None])
     medium.absorption = (1 - colour) * (1 - absorbing) * density[:, None]
-    medium.emission = reader.colour(node, "Emission Color", groups) * reader.number(node, "Emission Strength", groups)[:, None]
+    strength = reader.number(node, "Emission Strength", groups)
+    medium.emission = reader.color(node, "Emission Color", groups) * strength[:, None]
     if np.any(reader.number(node, "Blackbody Intensity", groups) > 0):
         reader.warn(f"{reader.owner}: Blackbody Intensity of node '{node.name}' isn't supported; it counts as 0")
     return medium
@@ -176,24 +180,24 @@ def _principled(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Med
 
 def _scatter(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
     density = np.maximum(reader.number(node, "Density", groups), 0)
-    return _scattering(reader, node, groups, np.maximum(reader.colour(node, "Color", groups), 0) * density[:, None])
+    return _scattering(reader, node, groups, np.maximum(reader.color(node, "Color", groups), 0) * density[:, None])
 
 
 def _absorption(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
     density = np.maximum(reader.number(node, "Density", groups), 0)
-    absorption = np.clip(1 - reader.colour(node, "Color", groups), 0, 1) * density[:, None]
+    absorption = np.clip(1 - reader.color(node, "Color", groups), 0, 1) * density[:, None]
     return _Medium(np.zeros((1, 3)), absorption, np.zeros((1, 3)), np.zeros(1), frozenset())
 
 
 def _coefficients(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
-    medium = _scattering(reader, node, groups, np.maximum(reader.colour(node, "Scatter Coefficients", groups), 0))
-    medium.absorption = np.maximum(reader.colour(node, "Absorption Coefficients", groups), 0)
-    medium.emission = reader.colour(node, "Emission Coefficients", groups)
+    medium = _scattering(reader, node, groups, np.maximum(reader.color(node, "Scatter Coefficients", groups), 0))
+    medium.absorption = np.maximum(reader.color(node, "Absorption Coefficients", groups), 0)
+    medium.emission = reader.color(node, "Emission Coefficients", groups)
     return medium
 
 
 def _emission(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
-    emission = reader.colour(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None]
+    emission = reader.color(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None]
     return _Medium(np.zeros((1, 3)), np.zeros((1, 3)), emission, np.zeros(1), frozenset())
 
 

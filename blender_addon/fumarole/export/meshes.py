@@ -50,11 +50,12 @@ class MeshReader:
         return Mesh(name, vertices, triangles, matrix, bool(owner.visible_shadow), bool(visible))
 
     def _warn_of_looks(self, owner: bpy.types.Object, materials: list[bpy.types.Material | None]) -> None:
+        name = f"Object '{owner.name_full}'"
         for material in materials:
             if lets_light_through(material):
-                self._warn(f"Object '{owner.name_full}': material '{material.name}' lets light through; it counts as opaque")
+                self._warn(f"{name}: material '{material.name}' lets light through; it counts as opaque")
             if emits_light(material):
-                self._warn(f"Object '{owner.name_full}': the emission of material '{material.name}' lights no smoke yet")
+                self._warn(f"{name}: the emission of material '{material.name}' lights no smoke yet")
 
 
 def _triangles(owner: bpy.types.Object, materials: list[bpy.types.Material | None]) -> tuple[np.ndarray, np.ndarray]:

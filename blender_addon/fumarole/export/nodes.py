@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads values out of shader node trees: constants and geometry attributes, through reroutes, groups and muted nodes."""
+"""Reads constants and geometry attributes out of shader node trees, through reroutes, groups and muted nodes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class NodeReader:
         values = self._value(node, identifier, groups)
         return values @ LUMINANCE if values.ndim == 2 else values
 
-    def colour(self, node: bpy.types.Node, identifier: str, groups: tuple = ()) -> np.ndarray:
+    def color(self, node: bpy.types.Node, identifier: str, groups: tuple = ()) -> np.ndarray:
         """The value of a colour or vector input, (1, 3) or (n, 3)."""
         values = self._value(node, identifier, groups)
         return values if values.ndim == 2 else np.repeat(values[:, None], 3, axis=1)

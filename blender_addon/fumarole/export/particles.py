@@ -39,8 +39,9 @@ def is_smoke(system: bpy.types.ParticleSystem) -> bool:
 
 def smoke_systems(owner: bpy.types.Object) -> list[bpy.types.ParticleSystem]:
     """The systems of an evaluated object that are smoke and enabled in renders."""
-    modifiers = (modifier for modifier in owner.modifiers if modifier.type == "PARTICLE_SYSTEM" and modifier.show_render)
-    return [modifier.particle_system for modifier in modifiers if is_smoke(modifier.particle_system)]
+    modifiers = (modifier for modifier in owner.modifiers if modifier.type == "PARTICLE_SYSTEM")
+    systems = (modifier.particle_system for modifier in modifiers if modifier.show_render)
+    return [system for system in systems if is_smoke(system)]
 
 
 def export_system(
@@ -125,4 +126,5 @@ def _warn_of_wrong_positions(
     held = re.search(r"\d+", cache.info)
     frame = min(scene.frame_current, cache.frame_end)
     if cache.is_frame_skip or (held and int(held.group()) < frame - cache.frame_start + 1):
-        warn(f"{name} isn't baked and frames before {scene.frame_current} were skipped: its positions are inexact. Bake it")
+        jumped = f"frames before {scene.frame_current} were skipped"
+        warn(f"{name} isn't baked and {jumped}: its positions are inexact. Bake it")

@@ -41,6 +41,9 @@ def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
     scene.background = export_background(depsgraph.scene.world, scene.warn)
     if np.any(scene.background > 0):
         scene.warn(f"World '{depsgraph.scene.world.name}': its background lights no smoke yet")
+    for override in ("material_override", "world_override"):
+        if getattr(depsgraph.view_layer_eval, override, None) is not None:
+            scene.warn(f"View layer '{depsgraph.view_layer_eval.name}': its {override} isn't supported yet")
     if not scene.particles:
         scene.warn("There is no smoke in this view layer: no living Halo particles and no point clouds")
     elif not scene.lights and not any(np.any(item.volume.emission > 0) for item in scene.particles):
@@ -97,7 +100,8 @@ def _export_instance(
     matrix = np.array(instance.matrix_world, dtype=np.float64)
     # Tells instances apart, and stays the same from frame to frame.
     key = f"{instance.parent.name_full}{tuple(instance.persistent_id)}" if instance.is_instance else ""
-    if instance.show_particles:
+    # What geometry nodes make comes as instances of the object itself with other data: its particles are not there.
+    if instance.show_particles and not (instance.is_instance and owner.data != instance.instance_object.data):
         # Particles are in world space, where the original object emits them.
         original = np.array(instance.instance_object.matrix_world) if instance.is_instance else None
         moved = None if original is None else matrix @ np.linalg.pinv(original)

@@ -26,4 +26,4 @@ def export_background(world: bpy.types.World | None, warn: Warn) -> np.ndarray:
     if node.bl_idname not in ("ShaderNodeBackground", "ShaderNodeEmission"):
         warn(f"{owner}: node '{node.name}' ({node.bl_label}) isn't supported; the background is black")
         return np.zeros(3)
-    return (reader.colour(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]
+    return (reader.color(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]

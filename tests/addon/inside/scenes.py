@@ -16,7 +16,9 @@ from fumarole.export.camera import export_camera
 from fumarole.export.scene import Scene, export_scene
 
 
-def link(name: str, data: bpy.types.ID | None, location: tuple = (0, 0, 0), rotation: tuple = (0, 0, 0)) -> bpy.types.Object:
+def link(
+    name: str, data: bpy.types.ID | None, location: tuple = (0, 0, 0), rotation: tuple = (0, 0, 0)
+) -> bpy.types.Object:
     """A new object in the scene; the rotation is in degrees."""
     result = bpy.data.objects.new(name, data)
     result.location = location
@@ -43,7 +45,14 @@ def camera(location: tuple = (0, -8, 0), rotation: tuple = (90, 0, 0), **setting
     return bpy.context.scene.camera
 
 
-def light(kind: str = "POINT", energy: float = 1000.0, location: tuple = (0, 0, 5), rotation: tuple = (0, 0, 0), **settings: object) -> bpy.types.Object:
+def light(
+    kind: str = "POINT",
+    energy: float = 1000.0,
+    location: tuple = (0, 0, 5),
+    rotation: tuple = (0, 0, 0),
+    **settings: object,
+) -> bpy.types.Object:
+    """A light, shining down by default; settings are those of its data."""
     data = bpy.data.lights.new(kind.title(), kind)
     data.energy = energy
     for name, value in settings.items():
@@ -70,7 +79,9 @@ def emitter(name: str = "Emitter", count: int = 300, **settings: object) -> bpy.
     return owner
 
 
-def material(name: str, kind: str | None = "ShaderNodeVolumePrincipled", surface: bool = False, **inputs: object) -> bpy.types.Material:
+def material(
+    name: str, kind: str | None = "ShaderNodeVolumePrincipled", surface: bool = False, **inputs: object
+) -> bpy.types.Material:
     """A material whose volume is one node with those inputs (`_` for a space)."""
     result = bpy.data.materials.new(name)
     result.use_nodes = True
@@ -87,7 +98,9 @@ def material(name: str, kind: str | None = "ShaderNodeVolumePrincipled", surface
     return result
 
 
-def points_by_nodes(name: str, positions: list[tuple], radius: float = 0.3, attributes: dict[str, tuple] | None = None) -> bpy.types.Object:
+def points_by_nodes(
+    name: str, positions: list[tuple], radius: float = 0.3, attributes: dict[str, tuple] | None = None
+) -> bpy.types.Object:
     """An object whose geometry nodes make a point of every vertex; attributes: name -> (type, values)."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(positions, [], [])

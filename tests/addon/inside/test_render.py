@@ -64,6 +64,23 @@ def test_threads_change_no_bit(threads: int, tmp_path: Path) -> None:
     assert np.array_equal(scenes.render_combined(tmp_path), automatic)
 
 
+def test_number_of_threads_reaches_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    numbers = []
+
+    class Context(core.Context):
+        def __init__(self, threads: int) -> None:
+            numbers.append(threads)
+            super().__init__(threads)
+
+    monkeypatch.setattr(core, "Context", Context)
+    scenes.camera()
+    render = bpy.context.scene.render
+    bpy.ops.render.render()
+    render.threads_mode, render.threads = "FIXED", 3
+    bpy.ops.render.render()
+    assert numbers == [0, 3]
+
+
 def test_settings_reach_the_library(tmp_path: Path) -> None:
     smoke()
     plain = scenes.render_combined(tmp_path)
@@ -165,21 +182,18 @@ def test_stereo_views_see_the_smoke_from_two_places(tmp_path: Path) -> None:
     scene = bpy.context.scene
     scene.render.use_multiview = True
     scene.render.views_format = "STEREO_3D"
-    scene.camera.data.stereo.interocular_distance = 1.0
+    stereo = scene.camera.data.stereo
+    stereo.interocular_distance, stereo.convergence_distance = 0.2, 2.0
     scenes.exr_output(tmp_path / "stereo.exr", multilayer=True)
     scene.render.image_settings.views_format = "MULTIVIEW"
     bpy.ops.render.render(write_still=True)
     (path,) = tmp_path.glob("*.exr")
     channels = read_exr(path)
-    layer = bpy.context.view_layer.name
-    left, right = (
-        np.stack([channels[f"{layer}.Combined.{view}.{letter}"] for letter in "RGBA"], axis=-1)
-        for view in ("left", "right")
-    )
+    left, right = (channels[f"{bpy.context.view_layer.name}.Combined.{view}.A"] for view in ("left", "right"))
     columns = np.arange(64)
-    middles = [(view[..., 3].sum(axis=0) * columns).sum() / view[..., 3].sum() for view in (left, right)]
-    assert middles[0] > middles[1] or middles[1] > middles[0] + 0.5
-    assert abs(middles[0] - middles[1]) > 0.5
+    middles = [(alpha.sum(axis=0) * columns).sum() / alpha.sum() for alpha in (left, right)]
+    pixels_a_radian = 64 * scene.camera.data.lens / scene.camera.data.sensor_width
+    assert middles[1] - middles[0] == pytest.approx(0.2 * (1 / 2 - 1 / 8) * pixels_a_radian, abs=0.3)
 
 
 def test_multiview_renders_each_camera(tmp_path: Path) -> None:
@@ -322,7 +336,9 @@ def test_linked_library(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert np.array_equal(scenes.render_combined(tmp_path), expected)
 
 
-def test_warnings_are_reported_once_an_animation(scene: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+def test_warnings_are_reported_once_an_animation(
+    scene: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture
+) -> None:
     smoke()
     scene.camera.data.dof.use_dof = True
     scene.frame_end = 3
@@ -334,7 +350,7 @@ def test_warnings_are_reported_once_an_animation(scene: bpy.types.Scene, tmp_pat
     assert printed(capfd).count("depth of field") == 1
 
 
-def test_an_error_of_the_engine_fails_the_render_and_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_of_the_engine_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     smoke()
 
     def fail(*_arguments: object) -> None:
@@ -362,3 +378,25 @@ def test_an_error_of_the_export_fails_the_render(tmp_path: Path, monkeypatch: py
     with pytest.raises(RuntimeError, match="'Emitter' is wrong"):
         bpy.ops.render.render(write_still=True)
     assert not list(tmp_path.iterdir())
+
+
+def test_bad_mesh_is_an_error_that_names_it(tmp_path: Path) -> None:
+    smoke()
+    wall = scenes.plane("Crooked wall")
+    wall.data.vertices[2].co.x = float("nan")
+    scenes.exr_output(tmp_path / "render.exr", multilayer=True)
+    with pytest.raises(RuntimeError, match="'Crooked wall'.*vertex 2"):
+        bpy.ops.render.render(write_still=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_bad_points_are_dropped_counted_and_named(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    places = [(0, 0, 0), (float("nan"), 0, 0), (0, 0, 0.3)]
+    owner = scenes.points_by_nodes("Cloud", places, radius=0.5)
+    scenes.set_point_material(owner, scenes.material("Smoke", Density=8.0))
+    scenes.camera()
+    bpy.context.scene.render.film_transparent = True
+    pixels = scenes.render_combined(tmp_path)
+    assert np.isfinite(pixels).all() and pixels[32, 32, 3] > 0.3
+    (line,) = [line for line in printed(capfd).splitlines() if "'Cloud'" in line and "WARNING" in line.upper()]
+    assert "1" in line
