@@ -15,7 +15,6 @@ _EXCLUDED = {"DATA_PT_light", "DATA_PT_area", "DATA_PT_distance", "DATA_PT_fallo
 _EXCLUDED_PREFIXES = ("RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle", "MATERIAL_PT_freestyle", "DATA_PT_lightprobe")
 # EEVEE's panels for settings that Fumarole shares.
 _INCLUDED = {
-    "DATA_PT_EEVEE_light",
     "EEVEE_MATERIAL_PT_context_material",
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume",
@@ -130,6 +129,40 @@ class FUMAROLE_PT_object(FumarolePanel, bpy.types.Panel):
         _draw_smoke(self.column(), context.object.fumarole)
 
 
+class FUMAROLE_PT_light(FumarolePanel, bpy.types.Panel):
+    bl_label = "Light"
+    bl_context = "data"
+
+    # Drawn where the light has them: that depends on its type and on the version of Blender.
+    PROPERTIES = (
+        "color",
+        "use_temperature",
+        "temperature",
+        "energy",
+        "exposure",
+        "normalize",
+        "angle",
+        "shape",
+        "size",
+        "size_y",
+        "spread",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and context.light is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        light = context.light
+        self.layout.row().prop(light, "type", expand=True)
+        column = self.column()
+        for name in self.PROPERTIES:
+            if hasattr(light, name) and (name != "size_y" or light.shape in ("RECTANGLE", "ELLIPSE")):
+                column.prop(light, name)
+        if light.type in ("POINT", "SPOT"):
+            column.prop(light, "shadow_soft_size", text="Radius")
+
+
 def _draw_smoke(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
     column.prop(settings, "smoke")
     scale = column.column()
@@ -143,6 +176,7 @@ _PANELS = (
     FUMAROLE_PT_film,
     FUMAROLE_PT_performance,
     FUMAROLE_PT_passes,
+    FUMAROLE_PT_light,
     FUMAROLE_PT_particles,
     FUMAROLE_PT_object,
 )

@@ -52,7 +52,7 @@ def test_blenders_panels_that_apply_are_there() -> None:
         "RENDER_PT_format",
         "RENDER_PT_output",
         "DATA_PT_lens",
-        "DATA_PT_EEVEE_light",
+        "DATA_PT_spot",
         "EEVEE_MATERIAL_PT_volume",
         "EEVEE_WORLD_PT_surface",
         "PARTICLE_PT_emission",
@@ -71,7 +71,9 @@ class Layout:
     def column(self) -> Layout:
         return self
 
-    def prop(self, owner: bpy.types.bpy_struct, name: str, text: str | None = None) -> None:
+    row = column
+
+    def prop(self, owner: bpy.types.bpy_struct, name: str, text: str = "", expand: bool = False) -> None:
         assert name in owner.bl_rna.properties, f"{owner} has no property {name}"
         self.drawn.append(name)
 
@@ -81,7 +83,7 @@ def draw(panel: str, **context: object) -> list[str]:
     full = SimpleNamespace(engine="FUMAROLE", scene=bpy.context.scene, view_layer=bpy.context.view_layer, **context)
     assert kind.poll(full)
     layout = Layout()
-    drawer = SimpleNamespace(layout=layout)
+    drawer = SimpleNamespace(layout=layout, PROPERTIES=getattr(kind, "PROPERTIES", ()))
     drawer.column = lambda: kind.column(drawer)
     kind.draw(drawer, full)
     return layout.drawn
@@ -103,6 +105,24 @@ def test_particle_and_object_panels(scene: bpy.types.Scene) -> None:
     assert draw("FUMAROLE_PT_object", object=cloud) == ["smoke", "radius_scale"]
     plain = SimpleNamespace(engine="FUMAROLE", object=scenes.plane("Plain"))
     assert not bpy.types.FUMAROLE_PT_object.poll(plain)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("POINT", ["type", "color", "energy", "shadow_soft_size"]),
+        ("SPOT", ["type", "color", "energy", "shadow_soft_size"]),
+        ("SUN", ["type", "color", "energy", "angle"]),
+        ("AREA", ["type", "color", "energy", "shape", "size", "spread"]),
+    ],
+)
+def test_light_panel(scene: bpy.types.Scene, kind: str, expected: list[str]) -> None:
+    light = scenes.light(kind).data
+    newer = ["use_temperature", "temperature", "exposure", "normalize"]
+    drawn = draw("FUMAROLE_PT_light", light=light)
+    assert [name for name in drawn if name not in newer] == expected
+    assert {name for name in drawn if name in newer} == {name for name in newer if hasattr(light, name)}
+    assert len(drawn) == len(set(drawn))
 
 
 def test_panels_are_for_fumarole_only(scene: bpy.types.Scene) -> None:
