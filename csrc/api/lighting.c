@@ -80,13 +80,17 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   fum_context *context = scene->context;
   fum_octree *points = NULL;
   fum_lighting lighting = {0};
-  float *factors = NULL;
+  float *factors = NULL, *local = NULL;
   fum_settings checked;
   fum_progress_begin(context);
   int32_t status = fum_settings_check(context, settings, &checked);
   if (status == FUM_OK) status = fum_caches_update(scene, &checked);
+  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *local, "points", &local);
+  for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++) {
+    local[i] = (float)((double)positions[i] - scene->origin[i % 3]);
+  }
   if (status == FUM_OK) {
-    status = fum_octree_build_points(context, scene->origin, count, positions, FUM_GROUP_SIZE, &points);
+    status = fum_octree_build_points(context, scene->origin, count, local, FUM_GROUP_SIZE, &points);
   }
   if (status == FUM_OK) status = fum_lighting_begin(scene, &checked, points, &lighting);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
@@ -98,6 +102,7 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (status != FUM_OK) goto done;
   for (int64_t i = 0; i < count; i++) out_factors[points->indices[i]] = factors[i];
 done:
+  fum_free(context, &local);
   fum_free(context, &factors);
   fum_lighting_end(context, &lighting);
   fum_octree_destroy(context, points);

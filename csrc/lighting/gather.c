@@ -1,6 +1,27 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/gather.h"
 
+#include <string.h>
+
+/* Way to a sample of a light. */
+typedef struct way {
+  fum_vec3 direction; /* unit */
+  float length;
+} way;
+
+static way way_to(const fum_emitter *emitter, fum_vec3 point) {
+  if (emitter->is_directional) return (way){emitter->direction, INFINITY};
+  const fum_vec3 line = fum_sub(emitter->position, point);
+  const float length = fum_length(line);
+  return (way){length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
+}
+
+/* A particle born on a surface stands in it half: its shadow ray starts a little outside, or rounding would decide. */
+static float clearance(const fum_octree *octree, int64_t i) {
+  const float sigmas = 0.05F;
+  return octree->inverse_sigmas != NULL ? sigmas / octree->inverse_sigmas[i] : 0.0F;
+}
+
 /* Strength of one sample at each receiver before smoke; 0 where it doesn't reach. */
 static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter,
                            float *out_strengths, uint8_t *out_is_lit) {
@@ -9,18 +30,12 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
     const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
-    fum_vec3 to_light = emitter->direction;
-    float distance = INFINITY;
-    if (!emitter->is_directional) {
-      const fum_vec3 way = fum_sub(emitter->position, point);
-      distance = fum_length(way);
-      to_light = distance > 0.0F ? fum_scaled(way, 1.0F / distance) : (fum_vec3){0.0F, 0.0F, 1.0F};
-    }
+    const way w = way_to(emitter, point);
     float strength = 1.0F / (float)lamp->sample_count;
     if (g->response != NULL) {
-      strength = fum_emitter_irradiance(lamp, emitter, point) * g->response(g->response_user, (uint32_t)i, to_light);
+      strength = fum_emitter_irradiance(lamp, emitter, point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
-    if (strength > 0.0F && fum_solids_occlude(g->solids, point, to_light, distance)) {
+    if (strength > 0.0F && fum_solids_occlude(g->solids, point, w.direction, clearance(octree, i), w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }
     out_strengths[i] = strength;
@@ -53,5 +68,72 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
   fum_free(context, &is_lit);
   fum_free(context, &depths);
   fum_free(context, &strengths);
+  return status;
+}
+
+/* What the samples of a light add up to at each receiver. */
+typedef struct sums {
+  float *sent, *arriving, *unblocked; /* irradiance sent, past smoke, past smoke and solids */
+} sums;
+
+static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter, const float *depths,
+                       const sums *s) {
+  const fum_octree *octree = g->receivers->octree;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
+  for (int64_t i = 0; i < octree->count; i++) {
+    if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
+    const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
+    const way w = way_to(emitter, point);
+    /* Outside of its beam a light has no weight of its own, but interpolation needs an optical depth there. */
+    const float sent = fmaxf(fum_emitter_irradiance(lamp, emitter, point), 1e-20F);
+    const float arriving = sent * expf(-fminf(depths[i], 40.0F));
+    s->sent[i] += sent;
+    s->arriving[i] += arriving;
+    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, clearance(octree, i), w.length)) s->unblocked[i] += arriving;
+  }
+}
+
+static void average(const fum_gathering *g, bool is_single, const sums *s, float *depths, float *out_visible) {
+  const int64_t count = g->receivers->octree->count;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < count; i++) {
+    /* A single sample's depth stays as it is, however large. */
+    if (!is_single) depths[i] = -logf(s->arriving[i] / s->sent[i]);
+    if (out_visible != NULL) {
+      const float share = s->unblocked != NULL ? s->unblocked[i] / s->arriving[i] : 1.0F;
+      out_visible[i] = 1.0F - g->solid_shadow_intensity * (1.0F - share);
+    }
+  }
+}
+
+int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_depths,
+                          float *out_visible) {
+  fum_context *context = g->context;
+  const int64_t count = g->receivers->octree->count;
+  const bool needs_rays = g->solids != NULL && out_visible != NULL;
+  sums s = {0};
+  uint8_t *is_lit = NULL;
+  int32_t status = fum_alloc(context, count, sizeof *s.sent, "lighting", &s.sent);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *s.arriving, "lighting", &s.arriving);
+  if (status == FUM_OK && needs_rays) status = fum_alloc(context, count, sizeof *s.unblocked, "lighting", &s.unblocked);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
+  if (status != FUM_OK) goto done;
+  memset(is_lit, 1, (size_t)count * sizeof *is_lit);
+  for (int32_t sample = 0; sample < lamp->sample_count; sample++) {
+    const float step = (progress[1] - progress[0]) / (float)lamp->sample_count;
+    const float from = progress[0] + step * (float)sample;
+    const fum_emitter emitter = fum_lamp_sample(lamp, sample);
+    status = fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
+    if (status != FUM_OK) goto done;
+    add_sample(g, lamp, &emitter, out_depths, &s);
+    status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");
+    if (status != FUM_OK) goto done;
+  }
+  average(g, lamp->sample_count == 1, &s, out_depths, out_visible);
+done:
+  fum_free(context, &is_lit);
+  fum_free(context, &s.unblocked);
+  fum_free(context, &s.arriving);
+  fum_free(context, &s.sent);
   return status;
 }

@@ -41,8 +41,7 @@ void fum_octree_destroy(fum_context *context, fum_octree *octree) {
 /* The points to build over, before they are sorted. */
 typedef struct unsorted {
   int64_t count;
-  float *positions;  /* [3 count] local */
-  uint32_t *indices; /* NULL: 0, 1, 2... */
+  const float *positions; /* [3 count] local */
 } unsorted;
 
 static uint64_t spread_bits(uint64_t v) {
@@ -241,25 +240,25 @@ static int64_t count_chosen(const fum_scene *scene, float share) {
   return count;
 }
 
-static void collect_chosen(const fum_scene *scene, float share, unsorted *points) {
+static void collect_chosen(const fum_scene *scene, float share, float *positions, uint32_t *indices) {
   int64_t n = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
     for (int64_t i = 0; i < set->count; i++) {
       if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) return;
       if (!is_chosen(scene, set, i, share)) continue;
-      local_from_world(scene->origin, set->positions + 3 * i, points->positions + 3 * n);
-      points->indices[n++] = (uint32_t)(set->offset + i);
+      local_from_world(scene->origin, set->positions + 3 * i, positions + 3 * n);
+      indices[n++] = (uint32_t)(set->offset + i);
     }
   }
 }
 
 /* Turns positions within `points` into scene indices and fills in what each particle weighs. */
-static void fill_densities(const fum_scene *scene, float share, const unsorted *points, fum_octree *octree) {
+static void fill_densities(const fum_scene *scene, float share, const uint32_t *indices, fum_octree *octree) {
 #pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) continue;
-    const uint32_t index = points->indices[octree->indices[i]];
+    const uint32_t index = indices[octree->indices[i]];
     const fum_particles *set = fum_scene_particles_of(scene, index);
     const double sigma = (double)set->sigmas[index - set->offset];
     const double density = (double)set->densities[index - set->offset] / (double)share;
@@ -271,49 +270,49 @@ static void fill_densities(const fum_scene *scene, float share, const unsorted *
 
 int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *options, fum_octree **out_octree) {
   fum_context *context = scene->context;
-  unsorted points = {.count = count_chosen(scene, options->subsampling)};
+  const int64_t count = count_chosen(scene, options->subsampling);
+  float *positions = NULL;
+  uint32_t *indices = NULL;
   int32_t status = FUM_ERROR_MEMORY;
   fum_octree *octree = calloc(1, sizeof *octree);
   if (octree == NULL) return fum_fail(context, status, "no memory for the density octree");
   memcpy(octree->origin, scene->origin, sizeof octree->origin);
-  status = allocate(context, points.count, true, octree);
-  if (status == FUM_OK) status = fum_alloc(context, points.count, 3 * sizeof(float), "density octree", &points.positions);
-  if (status == FUM_OK) status = fum_alloc(context, points.count, sizeof(uint32_t), "density octree", &points.indices);
+  status = allocate(context, count, true, octree);
+  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *positions, "density octree", &positions);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *indices, "density octree", &indices);
   if (status != FUM_OK) goto done;
   status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Collecting particles");
   if (status != FUM_OK) goto done;
-  collect_chosen(scene, options->subsampling, &points);
+  collect_chosen(scene, options->subsampling, positions, indices);
+  const unsorted points = {count, positions};
   status = build(context, &points, options->leaf_size, octree);
   if (status != FUM_OK) goto done;
-  fill_densities(scene, options->subsampling, &points, octree);
+  fill_densities(scene, options->subsampling, indices, octree);
   status = fum_progress_report(context, FUM_STAGE_OCTREE, 1.0F, "Octree is built");
   if (status != FUM_OK) goto done;
   *out_octree = octree;
   octree = NULL;
 done:
-  fum_free(context, &points.indices);
-  fum_free(context, &points.positions);
+  fum_free(context, &indices);
+  fum_free(context, &positions);
   fum_octree_destroy(context, octree);
   return status;
 }
 
 int32_t fum_octree_build_points(fum_context *context, const double origin[3], int64_t count, const float *positions,
                                 int32_t leaf_size, fum_octree **out_octree) {
-  unsorted points = {.count = count};
+  const unsorted points = {.count = count, .positions = positions};
   int32_t status = FUM_ERROR_MEMORY;
   fum_octree *octree = calloc(1, sizeof *octree);
   if (octree == NULL) return fum_fail(context, status, "no memory for an octree of points");
   memcpy(octree->origin, origin, sizeof octree->origin);
   status = allocate(context, count, false, octree);
-  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof(float), "octree of points", &points.positions);
   if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < count; i++) local_from_world(origin, positions + 3 * i, points.positions + 3 * i);
   status = build(context, &points, leaf_size, octree);
   if (status != FUM_OK) goto done;
   *out_octree = octree;
   octree = NULL;
 done:
-  fum_free(context, &points.positions);
   fum_octree_destroy(context, octree);
   return status;
 }

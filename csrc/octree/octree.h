@@ -34,7 +34,7 @@ typedef struct fum_octree_options {
 /* Octree of the scene's particles; indices are scene indices. */
 int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *options, fum_octree **out_octree);
 
-/* Octree of points without density, [3 count] in world space; indices are the points'. */
+/* Octree of points without density, [3 count] relative to `origin`; indices are the points'. */
 int32_t fum_octree_build_points(fum_context *context, const double origin[3], int64_t count, const float *positions,
                                 int32_t leaf_size, fum_octree **out_octree);
 

@@ -101,3 +101,33 @@ void fum_view_ray(const fum_view *view, double x, double y, double out_start[3],
     out_direction[row] = -r[2] + (is_perspective ? across : 0.0);
   }
 }
+
+void fum_view_cover(const fum_view *view, const double center[3], double radius, float lower[2], float upper[2]) {
+  const double depth = -center[2];
+  for (int axis = 0; axis < 2; axis++) {
+    const double *edges = view->window + 2 * axis;
+    double low = center[axis] - radius, high = center[axis] + radius;
+    if (view->type == FUM_CAMERA_PERSPECTIVE) {
+      if (depth <= 1.01 * radius) {
+        low = edges[0];
+        high = edges[1];
+      } else {
+        low = fmin(low / (depth - radius), low / (depth + radius));
+        high = fmax(high / (depth - radius), high / (depth + radius));
+      }
+    }
+    lower[axis] = (float)fmax(low, edges[0]);
+    upper[axis] = (float)fmin(high, edges[1]);
+  }
+}
+
+void fum_view_point(const fum_view *view, double u, double v, double range, double out_local[3]) {
+  double camera[3] = {u, v, -range};
+  if (view->type == FUM_CAMERA_PERSPECTIVE) {
+    const double scale = range / sqrt(1.0 + u * u + v * v);
+    camera[0] = u * scale;
+    camera[1] = v * scale;
+    camera[2] = -scale;
+  }
+  fum_transform_point(view->local_from_camera, camera, out_local);
+}

@@ -22,4 +22,12 @@ void fum_view_place(fum_view *view, const double origin[3]);
  * with unit depth along the axis, so that its parameter is Blender's depth. In local space. */
 void fum_view_ray(const fum_view *view, double x, double y, double out_start[3], double out_direction[3]);
 
+/* Rectangle of the window that a sphere (camera space) may cover, within the window; all of it when the sphere is near
+ * the camera. Empty (lower >= upper) when the sphere isn't in the frame. */
+void fum_view_cover(const fum_view *view, const double center[3], double radius, float lower[2], float upper[2]);
+
+/* The point on the ray through (u, v) of the window at a range: the distance along the ray, in an orthographic view the
+ * depth. In local space. */
+void fum_view_point(const fum_view *view, double u, double v, double range, double out_local[3]);
+
 #endif

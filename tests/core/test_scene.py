@@ -148,3 +148,19 @@ def test_wrong_meshes_are_named(mesh: dict[str, object], message: str) -> None:
     with pytest.raises(core.FumaroleError, match=message) as caught:
         lit(name="wall", **mesh)
     assert caught.value.code == core.ErrorCode.ARGUMENT
+
+
+def test_particles_born_on_a_surface_are_lit() -> None:
+    """An emitter's newborn particles lie in its surface: light from its front reaches them, from its back it doesn't."""
+    position = np.random.default_rng(1).uniform(-1, 1, (200, 3)) * (1, 1, 1e-7)
+    for height, is_lit in ((4.0, True), (-4.0, False)):
+        scene = core.Scene(core.Context())
+        scene.add_particles(position, radius=0.2, density=1.0)
+        scene.add_mesh([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], [(0, 1, 2), (0, 2, 3)], visible_to_camera=False)
+        lamp = np.eye(4)
+        lamp[2, 3] = height
+        scene.add_light("POINT", matrix=lamp, power=1000.0)
+        above = np.eye(4)
+        above[2, 3] = 5.0
+        view = core.Camera(matrix=above, type="ORTHOGRAPHIC", ortho_scale=1.0, width=8, height=8)
+        assert (core.render(scene, view)["Combined"][..., 0].min() > 0.01) == is_lit

@@ -1,0 +1,219 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/lattice.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Samples that cubic interpolation wants beyond a point on either side, and one for rounding. */
+enum { MARGIN = 3 };
+
+static int32_t lay_faces(fum_context *context, const fum_view *view, const fum_slabs *slabs, fum_lattice *lattice) {
+  lattice->face_count = slabs->count + 1;
+  int32_t status = fum_alloc(context, lattice->face_count, sizeof *lattice->faces, "lattice of light", &lattice->faces);
+  if (status != FUM_OK) return status;
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  for (int32_t f = 0; f < lattice->face_count; f++) {
+    const fum_face *face = &slabs->faces[f];
+    fum_lattice_face *grid = &lattice->faces[f];
+    grid->first = lattice->sample_count;
+    if (!(face->lower[0] < face->upper[0] && face->lower[1] < face->upper[1] && face->spacing > 0.0F)) continue;
+    grid->spacing = is_perspective ? face->spacing / fmaxf(face->range, 1e-3F * face->spacing) : face->spacing;
+    /* Samples stand at multiples of the spacing, so that a small change of the smoke's bounds moves none. */
+    const float column = floorf(face->lower[0] / grid->spacing) - MARGIN, row = floorf(face->lower[1] / grid->spacing) - MARGIN;
+    grid->u = column * grid->spacing;
+    grid->v = row * grid->spacing;
+    grid->columns = (int32_t)(ceilf(face->upper[0] / grid->spacing) - column) + MARGIN + 1;
+    grid->rows = (int32_t)(ceilf(face->upper[1] / grid->spacing) - row) + MARGIN + 1;
+    lattice->sample_count += (int64_t)grid->columns * grid->rows;
+  }
+  return FUM_OK;
+}
+
+typedef struct marks {
+  _Atomic uint64_t *words; /* a bit a sample */
+} marks;
+
+static void mark_span(marks *m, int64_t begin, int64_t end) {
+  for (int64_t word = begin / 64; word <= (end - 1) / 64; word++) {
+    const int64_t low = begin > word * 64 ? begin - word * 64 : 0, high = end < word * 64 + 64 ? end - word * 64 : 64;
+    const uint64_t bits = (high == 64 ? ~UINT64_C(0) : (UINT64_C(1) << high) - 1) & ~((UINT64_C(1) << low) - 1);
+    if ((atomic_load_explicit(&m->words[word], memory_order_relaxed) & bits) != bits) {
+      atomic_fetch_or_explicit(&m->words[word], bits, memory_order_relaxed);
+    }
+  }
+}
+
+static int32_t clamp(float value, int32_t high) {
+  return value < 0.0F ? 0 : value > (float)high ? high : (int32_t)value;
+}
+
+/* Marks the samples of one face that interpolation needs around a sphere of this radius. */
+static void mark_face(const fum_view *view, const fum_lattice_face *grid, const double center[3], double radius,
+                      marks *m) {
+  float lower[2], upper[2];
+  fum_view_cover(view, center, radius, lower, upper);
+  if (grid->columns == 0 || lower[0] >= upper[0] || lower[1] >= upper[1]) return;
+  const float per_unit = 1.0F / grid->spacing;
+  const int32_t c0 = clamp((lower[0] - grid->u) * per_unit - 1.5F, grid->columns - 1);
+  const int32_t c1 = clamp((upper[0] - grid->u) * per_unit + 2.5F, grid->columns - 1);
+  const int32_t r0 = clamp((lower[1] - grid->v) * per_unit - 1.5F, grid->rows - 1);
+  const int32_t r1 = clamp((upper[1] - grid->v) * per_unit + 2.5F, grid->rows - 1);
+  for (int32_t r = r0; r <= r1; r++) {
+    const int64_t row = grid->first + (int64_t)r * grid->columns;
+    mark_span(m, row + c0, row + c1 + 1);
+  }
+}
+
+/* Last face not behind a range, or 0. */
+static int32_t face_before(const fum_slabs *slabs, double range) {
+  int32_t low = 0, high = slabs->count;
+  while (low < high) {
+    const int32_t middle = (low + high + 1) / 2;
+    if ((double)slabs->faces[middle].range <= range) {
+      low = middle;
+    } else {
+      high = middle - 1;
+    }
+  }
+  return low;
+}
+
+static void mark_particle(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                          float footprint_sigmas, const fum_lattice *lattice, int64_t i, marks *m) {
+  const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
+  const double reach = (double)footprint_sigmas / (double)octree->inverse_sigmas[i];
+  double c[3];
+  fum_transform_point(view->camera_from_local, local, c);
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
+  if (-c[2] + reach < view->clip_start || !(octree->optical_depths[i] > 0.0F)) return;
+  const int32_t first = face_before(slabs, range - reach);
+  for (int32_t f = first; f <= slabs->count; f++) {
+    const double at = (double)slabs->faces[f].range;
+    /* Light on a face serves the slabs on both of its sides. */
+    const double slack = fmax(f > 0 ? at - (double)slabs->faces[f - 1].range : 0.0,
+                              f < slabs->count ? (double)slabs->faces[f + 1].range - at : 0.0);
+    const double gap = fmax(0.0, fabs(at - range) - slack);
+    if (gap <= reach) mark_face(view, &lattice->faces[f], c, sqrt(reach * reach - gap * gap), m);
+    if (at > range + reach) break;
+  }
+}
+
+static int32_t mark_samples(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                            float footprint_sigmas, const fum_lattice *lattice, marks *m) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < octree->count; i++) {
+    if (fum_progress_in_loop(context, i, 1 << 12)) continue;
+    mark_particle(octree, view, slabs, footprint_sigmas, lattice, i, m);
+  }
+  return fum_progress_report(context, FUM_STAGE_LIGHTING, 0.0F, "Placing samples of light");
+}
+
+static bool is_marked(const marks *m, int64_t sample) {
+  return (atomic_load_explicit(&m->words[sample / 64], memory_order_relaxed) >> (sample % 64) & 1) != 0;
+}
+
+/* The marked samples: which they are, and where in local space. */
+typedef struct chosen {
+  int64_t count;
+  uint32_t *samples;
+  float *positions; /* [3 count] */
+} chosen;
+
+static int32_t collect(fum_context *context, const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice,
+                       const marks *m, chosen *c) {
+  const int64_t words = (lattice->sample_count + 63) / 64;
+  for (int64_t w = 0; w < words; w++) c->count += __builtin_popcountll(m->words[w]);
+  int32_t status = fum_alloc(context, c->count, sizeof *c->samples, "lattice of light", &c->samples);
+  if (status == FUM_OK) status = fum_alloc(context, c->count, 3 * sizeof *c->positions, "lattice of light", &c->positions);
+  if (status != FUM_OK) return status;
+  int64_t n = 0;
+  for (int32_t f = 0; f < lattice->face_count; f++) {
+    const fum_lattice_face *grid = &lattice->faces[f];
+    const int64_t samples = (int64_t)grid->columns * grid->rows;
+    for (int64_t i = 0; i < samples; i++) {
+      if (!is_marked(m, grid->first + i)) continue;
+      double local[3];
+      const float u = grid->u + grid->spacing * (float)(i % grid->columns);
+      const float v = grid->v + grid->spacing * (float)(i / grid->columns);
+      fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
+      for (int axis = 0; axis < 3; axis++) c->positions[3 * n + axis] = (float)local[axis];
+      c->samples[n++] = (uint32_t)(grid->first + i);
+    }
+  }
+  return FUM_OK;
+}
+
+static int32_t light_samples(const fum_gathering *base, const fum_octree *points, const chosen *c, int32_t light_count,
+                             const fum_lamp *lamps, fum_lattice *lattice) {
+  fum_context *context = base->context;
+  fum_receivers receivers = {0};
+  float *depths = NULL, *visible = NULL;
+  int32_t total = 0, done_samples = 0;
+  for (int32_t l = 0; l < light_count; l++) total += lamps[l].sample_count;
+  int32_t status = fum_receivers_group(context, points, &receivers);
+  if (status == FUM_OK) status = fum_alloc(context, c->count, sizeof *depths, "lattice of light", &depths);
+  if (status == FUM_OK && lattice->visible != NULL) {
+    status = fum_alloc(context, c->count, sizeof *visible, "lattice of light", &visible);
+  }
+  fum_gathering g = *base;
+  g.receivers = &receivers;
+  for (int32_t l = 0; l < light_count && status == FUM_OK; l++) {
+    const float from = (float)done_samples / (float)total;
+    done_samples += lamps[l].sample_count;
+    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
+    if (status != FUM_OK) break;
+    const int64_t base_index = l * lattice->sample_count;
+    for (int64_t i = 0; i < c->count; i++) {
+      const int64_t at = base_index + c->samples[points->indices[i]];
+      lattice->depths[at] = depths[i];
+      if (visible != NULL) lattice->visible[at] = visible[i];
+    }
+  }
+  fum_free(context, &visible);
+  fum_free(context, &depths);
+  fum_receivers_free(context, &receivers);
+  return status;
+}
+
+int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                          float footprint_sigmas, const fum_gathering *gathering, int32_t light_count,
+                          const fum_lamp *lamps, fum_lattice *out_lattice) {
+  fum_context *context = gathering->context;
+  fum_lattice lattice = {.light_count = light_count};
+  fum_octree *points = NULL;
+  marks m = {0};
+  chosen c = {0};
+  int32_t status = lay_faces(context, view, slabs, &lattice);
+  const int64_t values = lattice.sample_count * light_count;
+  if (status == FUM_OK && lattice.sample_count > UINT32_MAX - 64) {
+    status = fum_fail(context, FUM_ERROR_MEMORY, "lattice of light: %lld samples are too many; raise the tolerance",
+                      (long long)lattice.sample_count);
+  }
+  if (status == FUM_OK) status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
+  if (status == FUM_OK) status = fum_alloc(context, values, sizeof *lattice.depths, "lattice of light", &lattice.depths);
+  if (status == FUM_OK && gathering->solids != NULL) {
+    status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
+  }
+  if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
+  if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
+  if (status == FUM_OK) status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
+  if (status == FUM_OK) status = light_samples(gathering, points, &c, light_count, lamps, &lattice);
+  if (status == FUM_OK) {
+    lattice.lit_count = c.count;
+    *out_lattice = lattice;
+    lattice = (fum_lattice){0};
+  }
+  fum_octree_destroy(context, points);
+  fum_free(context, &c.positions);
+  fum_free(context, &c.samples);
+  fum_free(context, &m.words);
+  fum_lattice_free(context, &lattice);
+  return status;
+}
+
+void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
+  fum_free(context, &lattice->faces);
+  fum_free(context, &lattice->depths);
+  fum_free(context, &lattice->visible);
+}

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Light between the camera and the smoke: optical depth to each light, sampled on a lattice that follows the view.
+ *
+ * The optical depth to a light is a sum of Gaussian shapes, hence nearly band-limited at the particles' sigma: sampled
+ * about a sigma apart on the faces of the slabs and interpolated as optical depth, not as transmittance, it is known
+ * everywhere, inside particles too. How many particles there are doesn't matter (DESIGN.md, section 2). */
+#ifndef FUM_LIGHTING_LATTICE_H
+#define FUM_LIGHTING_LATTICE_H
+
+#include "lighting/gather.h"
+#include "lighting/slabs.h"
+
+/* The samples on one face: a rectangle of them, of which those near smoke are lit. */
+typedef struct fum_lattice_face {
+  float u, v;     /* window coordinates of sample 0, 0 */
+  float spacing;  /* in window coordinates; 0: no samples here */
+  int32_t columns, rows;
+  int64_t first;  /* index of sample 0, 0 */
+} fum_lattice_face;
+
+typedef struct fum_lattice {
+  int32_t face_count, light_count;
+  fum_lattice_face *faces; /* [face_count] */
+  int64_t sample_count;    /* over all faces, lit or not */
+  int64_t lit_count;
+  float *depths;           /* [light_count][sample_count] optical depth to the light */
+  float *visible;          /* the same: share of the light that solids let through; NULL without solids */
+} fum_lattice;
+
+/* Places samples wherever a particle's footprint (in sigmas) comes near, and lights them. `gathering` comes without
+ * receivers. */
+int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                          float footprint_sigmas, const fum_gathering *gathering, int32_t light_count,
+                          const fum_lamp *lamps, fum_lattice *out_lattice);
+void fum_lattice_free(fum_context *context, fum_lattice *lattice);
+
+#endif
