@@ -314,6 +314,46 @@ FUM_API int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *se
 FUM_API int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
                                      const float *positions, const float *normals, float *out_irradiance);
 
+/* ---- Reference -------------------------------------------------------------------------------------------------- */
+
+/** How exactly fum_reference_render works. */
+typedef struct fum_reference_settings {
+  uint32_t struct_size;
+  int32_t light_samples; /**< sample points of every light that has a size, 1..65536, rounded up to a square;
+                              default 256. Near an area light more are taken */
+  double tolerance;      /**< error that is allowed in a pixel's RGB, as a share of its brightest channel, 1e-10..0.1;
+                              default 1e-4 */
+} fum_reference_settings;
+
+FUM_API void fum_reference_settings_init(fum_reference_settings *settings);
+
+/** What fum_reference_render did. */
+typedef struct fum_reference_stats {
+  uint32_t struct_size;
+  int32_t light_sample_count; /**< sample points over all lights */
+  int64_t particle_count;     /**< in the scene */
+  int64_t step_count;         /**< points of the pixels' rays at which radiance was found */
+  int64_t unconverged_count;  /**< pixels that missed the tolerance */
+  double error;               /**< estimated: RMS of the pixels' errors over the RMS of their brightest channels */
+  double total_s;
+} fum_reference_stats;
+
+FUM_API void fum_reference_stats_init(fum_reference_stats *stats);
+
+/**
+ * The picture that fum_render aims at, slowly: single scattering through the sum of the Gaussians, integrated along the
+ * ray of each pixel's centre in double precision until it has converged, every step lit by the closed form. It shares
+ * no lighting or drawing with fum_render and has none of its artistic settings.
+ * `settings` may be NULL (defaults), `out_stats` may be NULL.
+ * `out_combined` [height][width][4] as the pass Combined, `combined_size` doubles; `out_depth` [height][width] as the
+ * pass Depth, `depth_size` doubles, or NULL.
+ * Features much smaller than the smallest particle that the steps start from, such as the shadow of a thin wire, may
+ * be missed. What costs time: particles, pixels, sharp shadows, and light_samples for every soft light.
+ */
+FUM_API int32_t fum_reference_render(fum_scene *scene, const fum_camera *camera, const fum_reference_settings *settings,
+                                     double *out_combined, int64_t combined_size, double *out_depth, int64_t depth_size,
+                                     fum_reference_stats *out_stats);
+
 /* ---- Output ----------------------------------------------------------------------------------------------------- */
 
 /** One layer of an OpenEXR file; its channels are called `name`.`letter`, or just the letter when name is "". */

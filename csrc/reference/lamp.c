@@ -3,7 +3,9 @@
 
 #include "base/vector.h"
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double dot(const double a[3], const double b[3]) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 /* Inverse of the matrix's linear part, by cofactors. */
 static void invert_linear(const double m[16], double out[3][3]) {
@@ -15,7 +17,8 @@ static void invert_linear(const double m[16], double out[3][3]) {
     }
     determinant += m[4 * row] * out[0][row];
   }
-  for (int i = 0; i < 9; i++) out[i / 3][i % 3] *= determinant != 0.0 ? 1.0 / determinant : 0.0;
+  for (int i = 0; i < 9; i++)
+    out[i / 3][i % 3] *= determinant != 0.0 ? 1.0 / determinant : 0.0;
 }
 
 static bool has_size(const fum_light_desc *d) {
@@ -27,7 +30,8 @@ static bool has_size(const fum_light_desc *d) {
 fum_reference_lamp fum_reference_lamp_make(const fum_light_desc *desc, const double origin[3], int32_t samples) {
   fum_reference_lamp lamp = {.desc = desc, .side = has_size(desc) ? (int32_t)ceil(sqrt((double)samples)) : 1};
   const double *m = desc->world_from_light;
-  for (int axis = 0; axis < 3; axis++) lamp.position[axis] = m[4 * axis + 3] - origin[axis];
+  for (int axis = 0; axis < 3; axis++)
+    lamp.position[axis] = m[4 * axis + 3] - origin[axis];
   (void)fum_matrix_axis(m, 0, lamp.right);
   (void)fum_matrix_axis(m, 1, lamp.up);
   (void)fum_matrix_axis(m, 2, lamp.back);
@@ -48,8 +52,8 @@ static void square_to_disc(double u, double v, double out[2]) {
   out[1] = radius * sin(angle);
 }
 
-/* Sample of patch (i, j): no two share a row or a column (Kensler 2013, "Correlated multi-jittered sampling"), so that a
- * straight edge passes them one by one. */
+/* Sample of patch (i, j): no two share a row or a column (Kensler 2013, "Correlated multi-jittered sampling"), so that
+ * a straight edge passes them one by one. */
 static void patch_sample(int32_t i, int32_t j, int32_t side, double out[2]) {
   const double step = 1.0 / (double)side;
   out[0] = ((double)i + ((double)j + 0.5) * step) * step;
@@ -64,8 +68,10 @@ static void make_frame(const double w[3], double u[3], double v[3]) {
     u[k] = (k == axis ? 1.0 : 0.0) - w[axis] * w[k];
     squared += u[k] * u[k];
   }
-  for (int k = 0; k < 3; k++) u[k] /= sqrt(squared);
-  for (int k = 0; k < 3; k++) v[k] = w[(k + 1) % 3] * u[(k + 2) % 3] - w[(k + 2) % 3] * u[(k + 1) % 3];
+  for (int k = 0; k < 3; k++)
+    u[k] /= sqrt(squared);
+  for (int k = 0; k < 3; k++)
+    v[k] = w[(k + 1) % 3] * u[(k + 2) % 3] - w[(k + 2) % 3] * u[(k + 1) % 3];
 }
 
 /* Irradiance is that of a plane which faces the sun: samples are spread evenly over a disc at unit distance. */
@@ -92,7 +98,8 @@ static void visit_sun(const fum_reference_lamp *lamp, fum_shine_fn visit, void *
 static double spot_factor(const fum_reference_lamp *lamp, const double direction[3]) {
   const fum_light_desc *d = lamp->desc;
   double local[3];
-  for (int row = 0; row < 3; row++) local[row] = dot(lamp->local_from_world[row], direction);
+  for (int row = 0; row < 3; row++)
+    local[row] = dot(lamp->local_from_world[row], direction);
   const double cosine = -local[2] / sqrt(dot(local, local)), edge = cos(0.5 * (double)d->spot_angle);
   const double soft = (1.0 - edge) * (double)d->spot_blend;
   const double ramp = soft > 0.0 ? (cosine - edge) / soft : (cosine >= edge ? 1.0 : 0.0);
@@ -100,14 +107,16 @@ static double spot_factor(const fum_reference_lamp *lamp, const double direction
   return d->spot_cosine != 0 ? smooth * fmax(cosine, 0.0) : smooth;
 }
 
-/* Point and spot lights are discs of radiance I / (pi r^2) that face the point. They are divided into patches of the same
- * solid angle. */
+/* Point and spot lights are discs of radiance I / (pi r^2) that face the point. They are divided into patches of the
+ * same solid angle. */
 static void visit_disc(const fum_reference_lamp *lamp, const double point[3], fum_shine_fn visit, void *user) {
   const double radius = (double)lamp->desc->radius;
   double w[3] = {0.0, 0.0, 1.0}, u[3], v[3];
-  const double to_centre[3] = {lamp->position[0] - point[0], lamp->position[1] - point[1], lamp->position[2] - point[2]};
+  const double to_centre[3] = {lamp->position[0] - point[0], lamp->position[1] - point[1],
+                               lamp->position[2] - point[2]};
   const double distance = sqrt(dot(to_centre, to_centre));
-  for (int axis = 0; axis < 3 && distance > 0.0; axis++) w[axis] = to_centre[axis] / distance;
+  for (int axis = 0; axis < 3 && distance > 0.0; axis++)
+    w[axis] = to_centre[axis] / distance;
   make_frame(w, u, v);
   const double edge = hypot(distance, radius); /* distance of the disc's edge */
   double strength = 1.0 / fmax(distance * distance, 1e-30), one_minus_cosine = 0.0;
@@ -171,7 +180,8 @@ static void visit_patch(const area_view *a, double u0, double v0, double u, doub
     return;
   }
   fum_shine shine = {.distance = distance};
-  for (int axis = 0; axis < 3; axis++) shine.direction[axis] = way[axis] / distance;
+  for (int axis = 0; axis < 3; axis++)
+    shine.direction[axis] = way[axis] / distance;
   const double cosine = dot(shine.direction, lamp->back); /* of the way back, to the light's -Z */
   if (!(cosine > 0.0)) return;
   shine.strength = spread_factor((double)lamp->desc->area_spread, cosine) * a->area * step * step * cosine / squared;
@@ -182,7 +192,8 @@ static void visit_area(const fum_reference_lamp *lamp, const double point[3], fu
   const double size[2] = {(double)lamp->desc->area_size[0], (double)lamp->desc->area_size[1]};
   const double shape = lamp->desc->area_shape == FUM_AREA_ELLIPSE ? FUM_PI / 4.0 : 1.0;
   const area_view a = {lamp, point, visit, user, {size[0], size[1]}, shape * size[0] * size[1]};
-  const double from_lamp[3] = {point[0] - lamp->position[0], point[1] - lamp->position[1], point[2] - lamp->position[2]};
+  const double from_lamp[3] = {point[0] - lamp->position[0], point[1] - lamp->position[1],
+                               point[2] - lamp->position[2]};
   if (!(a.area > 0.0) || !(dot(from_lamp, lamp->back) < 0.0)) return; /* shines to one side */
   const double step = 1.0 / (double)lamp->side;
   for (int32_t k = 0; k < lamp->side * lamp->side; k++) {
@@ -194,9 +205,15 @@ static void visit_area(const fum_reference_lamp *lamp, const double point[3], fu
 
 void fum_reference_lamp_visit(const fum_reference_lamp *lamp, const double point[3], fum_shine_fn visit, void *user) {
   switch (lamp->desc->type) {
-  case FUM_LIGHT_SUN: visit_sun(lamp, visit, user); break;
-  case FUM_LIGHT_AREA: visit_area(lamp, point, visit, user); break;
-  default: visit_disc(lamp, point, visit, user); break;
+  case FUM_LIGHT_SUN:
+    visit_sun(lamp, visit, user);
+    break;
+  case FUM_LIGHT_AREA:
+    visit_area(lamp, point, visit, user);
+    break;
+  default:
+    visit_disc(lamp, point, visit, user);
+    break;
   }
 }
 

@@ -7,10 +7,10 @@
 
 typedef struct fum_reference_lamp {
   const fum_light_desc *desc;
-  double position[3];                /* relative to the scene's origin */
-  double right[3], up[3], back[3];   /* unit axes */
-  double local_from_world[3][3];     /* the spot's own coordinates of a direction, scale included */
-  int32_t side;                      /* its surface is divided into side x side patches; 1: a point or a direction */
+  double position[3];              /* relative to the scene's origin */
+  double right[3], up[3], back[3]; /* unit axes */
+  double local_from_world[3][3];   /* the spot's own coordinates of a direction, scale included */
+  int32_t side;                    /* its surface is divided into side x side patches; 1: a point or a direction */
 } fum_reference_lamp;
 
 /* Light of one sample: where it comes from and its irradiance on a surface that faces it, before smoke and solids, as a

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Adaptive Gauss-Kronrod quadrature (Piessens and others 1983, QUADPACK): every part of the ray is integrated with 7 and
- * with 15 points; where the two differ too much it is halved. */
+/* Adaptive Gauss-Kronrod quadrature (Piessens and others 1983, QUADPACK): every part of the ray is integrated with 7
+ * and with 15 points; where the two differ too much it is halved. */
 #include "reference/ray.h"
 
 #include "base/vector.h"
@@ -18,10 +18,13 @@ static const double KRONROD_WEIGHTS[8] = {0.022935322010529224963732008058970, 0
                                           0.104790010322250183839876322541518, 0.140653259715525918745189590510238,
                                           0.169004726639267902826583426598550, 0.190350578064785409913256402421014,
                                           0.204432940075298892414161999234649, 0.209482141084727828012999174891714};
-static const double GAUSS_WEIGHTS[8] = {0.0, 0.129484966168869693270611432679082, 0.0, 0.279705391489276667901467771423780,
-                                        0.0, 0.381830050505118944950369775488975, 0.0, 0.417959183673469387755102040816327};
+static const double GAUSS_WEIGHTS[8] = {
+    0.0, 0.129484966168869693270611432679082, 0.0, 0.279705391489276667901467771423780,
+    0.0, 0.381830050505118944950369775488975, 0.0, 0.417959183673469387755102040816327};
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double dot(const double a[3], const double b[3]) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 /* Optical depth of one particle from where smoke is seen first to t. */
 static double depth_of(const fum_ray *ray, const fum_heard *h, double t) {
@@ -71,30 +74,34 @@ static void add_shine(void *user, const fum_shine *shine) {
   if (fum_is_cancelled(world->context)) return;
   const double *p = s->position, *u = shine->direction;
   const fum_vec3 from = {(float)p[0], (float)p[1], (float)p[2]}, towards = {(float)u[0], (float)u[1], (float)u[2]};
-  if (fum_solids_occlude(world->solids, from, towards, (float)shine->distance)) return;
+  if (fum_solids_occlude(world->solids, from, towards, 0.0F, (float)shine->distance)) return;
   const fum_way way = {{p[0], p[1], p[2]}, {u[0], u[1], u[2]}, shine->distance};
   const double arrives = shine->strength * exp(-fum_smoke_depth(world->smoke, &way));
   const double cosine = dot(s->ray->way.direction, u);
   for (int32_t set = 0; set < scene->particles_count; set++) {
     const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
-    for (int c = 0; c < 3; c++) s->radiance[c] += factor * (double)s->color[c] * s->ray->scattering[3 * set + c];
+    for (int c = 0; c < 3; c++)
+      s->radiance[c] += factor * (double)s->color[c] * s->ray->scattering[3 * set + c];
   }
 }
 
 static void add_lights(const fum_ray *ray, double t, double radiance[3]) {
   const fum_reference_world *world = ray->world;
   double position[3];
-  for (int axis = 0; axis < 3; axis++) position[axis] = ray->way.start[axis] + t * ray->way.direction[axis];
+  for (int axis = 0; axis < 3; axis++)
+    position[axis] = ray->way.start[axis] + t * ray->way.direction[axis];
   for (int32_t i = 0; i < world->lamp_count; i++) {
     const fum_reference_lamp *lamp = &world->lamps[i];
     scatter_point s = {ray, position, lamp->desc->intensity, {0.0}};
     if (s.color[0] <= 0.0F && s.color[1] <= 0.0F && s.color[2] <= 0.0F) continue;
     fum_reference_lamp_visit(lamp, position, add_shine, &s);
-    for (int c = 0; c < 3; c++) radiance[c] += s.radiance[c];
+    for (int c = 0; c < 3; c++)
+      radiance[c] += s.radiance[c];
   }
 }
 
-/* The integrand. `depth_before`: optical depth of the particles that end before the panel; `active_count`: those in it. */
+/* The integrand. `depth_before`: optical depth of the particles that end before the panel; `active_count`: those in it.
+ */
 static void evaluate(fum_ray *ray, double t, double depth_before, int64_t active_count, double out[3]) {
   const int32_t sets = ray->world->smoke->scene->particles_count;
   double depth = depth_before, scattered = 0.0;
@@ -114,7 +121,8 @@ static void evaluate(fum_ray *ray, double t, double depth_before, int64_t active
     }
   }
   if (scattered > 0.0) add_lights(ray, t, out);
-  for (int c = 0; c < 3; c++) out[c] *= exp(-depth);
+  for (int c = 0; c < 3; c++)
+    out[c] *= exp(-depth);
   ray->step_count++;
 }
 
@@ -195,7 +203,8 @@ static bool cover(fum_ray *ray, double begin, double end) {
 /* Breaks around particles that the panels are too wide to find by themselves. */
 static bool break_at_small_particles(fum_ray *ray) {
   double widest = 0.0;
-  for (int64_t i = 0; i < ray->panel_count; i++) widest = fmax(widest, ray->panels[i].end - ray->panels[i].begin);
+  for (int64_t i = 0; i < ray->panel_count; i++)
+    widest = fmax(widest, ray->panels[i].end - ray->panels[i].begin);
   for (int64_t i = 0; i < ray->heard.count && ray->panel_count < MAX_PANELS; i++) {
     const fum_heard *h = &ray->heard.items[i];
     for (int k = -1; k <= 1 && h->sigma < widest / 8.0; k++) {
@@ -216,7 +225,8 @@ static bool make_panels(fum_ray *ray) {
     for (; i < heard->count && heard->items[i].along - heard->items[i].cut <= last; i++) {
       last = fmax(last, heard->items[i].along + heard->items[i].cut);
     }
-    if (fmax(begin, ray->start) < fmin(last, end) && !cover(ray, fmax(begin, ray->start), fmin(last, end))) return false;
+    if (fmax(begin, ray->start) < fmin(last, end) && !cover(ray, fmax(begin, ray->start), fmin(last, end)))
+      return false;
   }
   for (int32_t i = 0; i < ray->world->lamp_count; i++) {
     double breaks[3];
@@ -233,7 +243,8 @@ static void gather(const fum_ray *ray, fum_ray_result *result) {
   memset(result->radiance, 0, sizeof result->radiance);
   result->error = 0.0;
   for (int64_t i = 0; i < ray->panel_count; i++) {
-    for (int c = 0; c < 3; c++) result->radiance[c] += ray->panels[i].value[c];
+    for (int c = 0; c < 3; c++)
+      result->radiance[c] += ray->panels[i].value[c];
     result->error += ray->panels[i].error;
   }
 }

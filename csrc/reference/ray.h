@@ -27,8 +27,8 @@ typedef struct fum_panel {
 /* One thread's room for a ray; zero-initialised, freed with fum_ray_free. */
 typedef struct fum_ray {
   const fum_reference_world *world;
-  fum_way way; /* from the camera to the nearest solid or clip end */
-  double start;  /* m along the way at which smoke is seen first: clip start */
+  fum_way way;  /* from the camera to the nearest solid or clip end */
+  double start; /* m along the way at which smoke is seen first: clip start */
   fum_heard_list heard;
   int64_t *active; /* [heard.capacity] of `heard`, those that matter in a panel */
   int64_t active_capacity;

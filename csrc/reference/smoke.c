@@ -8,7 +8,9 @@
 
 enum { CELL_SIZE = 32, AXIS_BITS = 19 };
 
-static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double dot(const double a[3], const double b[3]) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 static const float *color_of(const float *many, const float one[3], int64_t index) {
   return many != NULL ? many + 3 * index : one;
@@ -22,7 +24,8 @@ static bool matters(const fum_particles *set, int64_t i) {
 static fum_gaussian make_gaussian(const fum_scene *scene, int32_t s, int64_t i, double lost) {
   const fum_particles *set = &scene->particles[s];
   fum_gaussian g = {.sigma = (double)set->sigmas[i], .density = (double)set->densities[i], .index = i, .set = s};
-  for (int axis = 0; axis < 3; axis++) g.centre[axis] = (double)set->positions[3 * i + axis] - scene->origin[axis];
+  for (int axis = 0; axis < 3; axis++)
+    g.centre[axis] = (double)set->positions[3 * i + axis] - scene->origin[axis];
   const double depth = g.density * g.sigma * FUM_SQRT_2PI;
   g.cut = g.sigma * sqrt(2.0 * log(fmax(depth, 1.0) / lost));
   return g;
@@ -32,10 +35,12 @@ static fum_gaussian make_gaussian(const fum_scene *scene, int32_t s, int64_t i, 
 static void make_keys(const fum_smoke *smoke, uint64_t *keys) {
   double lower[3] = {INFINITY, INFINITY, INFINITY}, side = 0.0;
   for (int64_t i = 0; i < smoke->count; i++) {
-    for (int axis = 0; axis < 3; axis++) lower[axis] = fmin(lower[axis], smoke->gaussians[i].centre[axis]);
+    for (int axis = 0; axis < 3; axis++)
+      lower[axis] = fmin(lower[axis], smoke->gaussians[i].centre[axis]);
   }
   for (int64_t i = 0; i < smoke->count; i++) {
-    for (int axis = 0; axis < 3; axis++) side = fmax(side, smoke->gaussians[i].centre[axis] - lower[axis]);
+    for (int axis = 0; axis < 3; axis++)
+      side = fmax(side, smoke->gaussians[i].centre[axis] - lower[axis]);
   }
   const double cells = (double)((1 << AXIS_BITS) - 1), scale = side > 0.0 ? cells / side : 0.0;
   for (int64_t i = 0; i < smoke->count; i++) {
@@ -60,7 +65,8 @@ static fum_smoke_cell make_cell(const fum_smoke *smoke, int64_t begin, int64_t e
       upper[axis] = fmax(upper[axis], smoke->gaussians[i].centre[axis]);
     }
   }
-  for (int axis = 0; axis < 3; axis++) cell.centre[axis] = 0.5 * (lower[axis] + upper[axis]);
+  for (int axis = 0; axis < 3; axis++)
+    cell.centre[axis] = 0.5 * (lower[axis] + upper[axis]);
   for (int64_t i = begin; i < end; i++) {
     const fum_gaussian *g = &smoke->gaussians[i];
     const double d[3] = {g->centre[0] - cell.centre[0], g->centre[1] - cell.centre[1], g->centre[2] - cell.centre[2]};
@@ -78,13 +84,16 @@ static int32_t make_cells(fum_context *context, fum_smoke *smoke) {
   int32_t status = fum_alloc(context, n, sizeof *keys, "reference", &keys);
   if (status == FUM_OK) status = fum_alloc(context, n, sizeof *order, "reference", &order);
   if (status == FUM_OK) status = fum_alloc(context, n, sizeof *sorted, "reference", &sorted);
-  if (status == FUM_OK) status = fum_alloc(context, n / CELL_SIZE + 1, sizeof *smoke->cells, "reference", &smoke->cells);
+  if (status == FUM_OK)
+    status = fum_alloc(context, n / CELL_SIZE + 1, sizeof *smoke->cells, "reference", &smoke->cells);
   if (status != FUM_OK) goto done;
   make_keys(smoke, keys);
-  for (int64_t i = 0; i < n; i++) order[i] = (uint32_t)i;
+  for (int64_t i = 0; i < n; i++)
+    order[i] = (uint32_t)i;
   status = fum_radix_sort(context, n, 0, keys, order);
   if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < n; i++) sorted[i] = smoke->gaussians[order[i]];
+  for (int64_t i = 0; i < n; i++)
+    sorted[i] = smoke->gaussians[order[i]];
   fum_free(context, &smoke->gaussians);
   smoke->gaussians = sorted;
   sorted = NULL;
@@ -136,7 +145,8 @@ double fum_gaussian_integral(double sigma, double a, double b) {
 }
 
 static bool is_cell_near(const fum_smoke_cell *cell, const fum_way *way) {
-  const double d[3] = {cell->centre[0] - way->start[0], cell->centre[1] - way->start[1], cell->centre[2] - way->start[2]};
+  const double d[3] = {cell->centre[0] - way->start[0], cell->centre[1] - way->start[1],
+                       cell->centre[2] - way->start[2]};
   const double s = fmin(fmax(dot(d, way->direction), 0.0), way->length);
   double squared = 0.0;
   for (int axis = 0; axis < 3; axis++) {

@@ -36,7 +36,8 @@ typedef struct fum_way {
   double length;       /* m; may be INFINITY */
 } fum_way;
 
-/* Gaussian of which a way's distance from the centre has been taken into account: along the way it is one-dimensional. */
+/* Gaussian of which a way's distance from the centre has been taken into account: along the way it is one-dimensional.
+ */
 typedef struct fum_heard {
   double along; /* m from the way's start to the point nearest to the centre */
   double sigma, cut;

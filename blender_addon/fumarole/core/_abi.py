@@ -175,6 +175,26 @@ class fum_render_stats(ctypes.Structure):
     ]
 
 
+class fum_reference_settings(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", ctypes.c_uint32),
+        ("light_samples", ctypes.c_int32),
+        ("tolerance", ctypes.c_double),
+    ]
+
+
+class fum_reference_stats(ctypes.Structure):
+    _fields_ = [
+        ("struct_size", ctypes.c_uint32),
+        ("light_sample_count", ctypes.c_int32),
+        ("particle_count", ctypes.c_int64),
+        ("step_count", ctypes.c_int64),
+        ("unconverged_count", ctypes.c_int64),
+        ("error", ctypes.c_double),
+        ("total_s", ctypes.c_double),
+    ]
+
+
 class fum_image_layer(ctypes.Structure):
     _fields_ = [
         ("name", ctypes.c_char_p),
@@ -193,6 +213,8 @@ STRUCTS = (
     fum_pass_info,
     fum_pass_buffer,
     fum_render_stats,
+    fum_reference_settings,
+    fum_reference_stats,
     fum_image_layer,
 )
 
@@ -225,6 +247,9 @@ FUNCTIONS = {
     "fum_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(fum_render_stats)]),
     "fum_scene_transmittance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
     "fum_scene_irradiance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
+    "fum_reference_settings_init": (None, [ctypes.POINTER(fum_reference_settings)]),
+    "fum_reference_stats_init": (None, [ctypes.POINTER(fum_reference_stats)]),
+    "fum_reference_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_reference_settings), ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(fum_reference_stats)]),
     "fum_exr_write": (ctypes.c_int32, [ctypes.POINTER(fum_context), ctypes.c_char_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.POINTER(fum_image_layer)]),
 }
 
