@@ -25,6 +25,7 @@ Names
     Camera(matrix, lens, ...)    also Camera.from_window(...), camera.crop(x0, y0, x1, y1)
     Settings(solver, tolerance, ...)
     render -> Result             result[name], .stats (Stats), .warnings
+    render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
     PASSES                       mapping of pass names to Pass(name, channels, kind, description)
@@ -49,6 +50,7 @@ from .context import Context
 from .errors import Cancelled, ErrorCode, FumaroleError
 from .image import write_exr
 from .passes import Pass, passes as _passes
+from .reference import ReferenceResult, ReferenceStats, render_reference
 from .render import Result, Stats, irradiance, render, transmittance
 from .scene import Scene
 from .settings import Settings
@@ -61,6 +63,8 @@ __all__ = [
     "ErrorCode",
     "FumaroleError",
     "Pass",
+    "ReferenceResult",
+    "ReferenceStats",
     "Result",
     "Scene",
     "Settings",
@@ -68,6 +72,7 @@ __all__ = [
     "build_info",
     "irradiance",
     "render",
+    "render_reference",
     "transmittance",
     "version",
     "write_exr",

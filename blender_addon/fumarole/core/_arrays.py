@@ -12,7 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import argument_error
 
-C_TYPES = {np.float32: ctypes.c_float, np.uint32: ctypes.c_uint32, np.uint64: ctypes.c_uint64}
+C_TYPES = {
+    np.float32: ctypes.c_float,
+    np.float64: ctypes.c_double,
+    np.uint32: ctypes.c_uint32,
+    np.uint64: ctypes.c_uint64,
+}
 
 
 def floats(value: ArrayLike, what: str) -> NDArray[np.float32]:
