@@ -3,6 +3,13 @@
 
 #include <string.h>
 
+fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point) {
+  if (viewpoint->is_directional) return viewpoint->direction;
+  const fum_vec3 way = fum_sub(viewpoint->position, point);
+  const float length = fum_length(way);
+  return length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
+}
+
 /* Way to a sample of a light. */
 typedef struct way {
   fum_vec3 direction; /* unit */
@@ -16,10 +23,14 @@ static way way_to(const fum_emitter *emitter, fum_vec3 point) {
   return (way){length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
 }
 
-/* A particle born on a surface stands in it half: its shadow ray starts a little outside, or rounding would decide. */
-static float clearance(const fum_octree *octree, int64_t i) {
+/* Where a receiver's shadow rays start. A particle born on a surface stands in it half, and the camera sees the half on
+ * its own side: the ray starts a little nearer to the camera, or rounding would decide. */
+static fum_vec3 ray_start(const fum_gathering *g, int64_t i) {
   const float sigmas = 0.05F;
-  return octree->inverse_sigmas != NULL ? sigmas / octree->inverse_sigmas[i] : 0.0F;
+  const fum_octree *octree = g->receivers->octree;
+  const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
+  if (g->viewpoint == NULL || octree->inverse_sigmas == NULL) return point;
+  return fum_mad(fum_direction_to_viewer(g->viewpoint, point), sigmas / octree->inverse_sigmas[i], point);
 }
 
 /* Strength of one sample at each receiver before smoke; 0 where it doesn't reach. */
@@ -35,7 +46,7 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
     if (g->response != NULL) {
       strength = fum_emitter_irradiance(lamp, emitter, point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
-    if (strength > 0.0F && fum_solids_occlude(g->solids, point, w.direction, clearance(octree, i), w.length)) {
+    if (strength > 0.0F && fum_solids_occlude(g->solids, ray_start(g, i), w.direction, w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }
     out_strengths[i] = strength;
@@ -89,7 +100,7 @@ static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_e
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
-    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, clearance(octree, i), w.length)) s->unblocked[i] += arriving;
+    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, w.length)) s->unblocked[i] += arriving;
   }
 }
 

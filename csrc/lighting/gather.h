@@ -9,12 +9,23 @@
 /* What a receiver makes of light that comes from the unit direction `to_light`. */
 typedef float (*fum_response_fn)(const void *user, uint32_t receiver, fum_vec3 to_light);
 
+/* Where the camera sees particles from. */
+typedef struct fum_viewpoint {
+  bool is_directional;
+  fum_vec3 position;  /* local space */
+  fum_vec3 direction; /* unit, towards an orthographic camera */
+} fum_viewpoint;
+
+/* Unit direction from a point to the camera. */
+fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point);
+
 typedef struct fum_gathering {
   fum_context *context;
   const fum_medium *medium;
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */
   const fum_receivers *receivers;
+  const fum_viewpoint *viewpoint; /* of receivers that are particles; NULL: points */
   fum_response_fn response; /* NULL: the light's samples count alike whatever they send; out is a transmittance */
   const void *response_user;
 } fum_gathering;

@@ -20,13 +20,8 @@ static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
   const fum_octree *octree = v->octree;
   const float anisotropy = fum_scene_particles_of(v->scene, octree->indices[receiver])->anisotropy;
   if (anisotropy == 0.0F) return fum_phase(0.0F, 0.0F);
-  fum_vec3 to_camera = v->viewpoint->direction;
-  if (!v->viewpoint->is_directional) {
-    const fum_vec3 point = {octree->x[receiver], octree->y[receiver], octree->z[receiver]};
-    const fum_vec3 way = fum_sub(v->viewpoint->position, point);
-    const float length = fum_length(way);
-    to_camera = length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
-  }
+  const fum_vec3 point = {octree->x[receiver], octree->y[receiver], octree->z[receiver]};
+  const fum_vec3 to_camera = fum_direction_to_viewer(v->viewpoint, point);
   return fum_phase(anisotropy, -fum_dot(to_light, to_camera));
 }
 
@@ -54,6 +49,7 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
   fum_gathering g = *gathering;
   g.response = respond;
   g.response_user = &who;
+  g.viewpoint = viewpoint;
   int32_t total_samples = 0, samples_done = 0;
   for (int32_t i = 0; i < scene->light_count; i++) total_samples += lamps[i].sample_count;
   float *factors = NULL;

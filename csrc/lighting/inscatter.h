@@ -8,13 +8,6 @@
 /* Henyey-Greenstein, 1/sr: `cosine` between the light's way and the way on to the camera. Integral over the sphere: 1. */
 float fum_phase(float anisotropy, float cosine);
 
-/* Where the camera sees particles from. */
-typedef struct fum_viewpoint {
-  bool is_directional;
-  fum_vec3 position;  /* local space */
-  fum_vec3 direction; /* unit, towards an orthographic camera */
-} fum_viewpoint;
-
 /* Lamps of the scene in the local space of the gathering's receivers. [light_count], freed with fum_free. */
 int32_t fum_lamps_find(const fum_scene *scene, const fum_octree *receivers, int32_t max_samples, fum_lamp **out_lamps);
 

@@ -74,7 +74,7 @@ static void add_shine(void *user, const fum_shine *shine) {
   if (fum_is_cancelled(world->context)) return;
   const double *p = s->position, *u = shine->direction;
   const fum_vec3 from = {(float)p[0], (float)p[1], (float)p[2]}, towards = {(float)u[0], (float)u[1], (float)u[2]};
-  if (fum_solids_occlude(world->solids, from, towards, 0.0F, (float)shine->distance)) return;
+  if (fum_solids_occlude(world->solids, from, towards, (float)shine->distance)) return;
   const fum_way way = {{p[0], p[1], p[2]}, {u[0], u[1], u[2]}, shine->distance};
   const double arrives = shine->strength * exp(-fum_smoke_depth(world->smoke, &way));
   const double cosine = dot(s->ray->way.direction, u);
@@ -191,7 +191,7 @@ static bool break_at(fum_ray *ray, double t) {
 
 /* Panels over a stretch of the ray with smoke throughout: a few of the smallest particles wide. */
 static bool cover(fum_ray *ray, double begin, double end) {
-  const double panel_sigmas = 4.0, wanted = ceil((end - begin) / (panel_sigmas * ray->world->smoke->smallest_sigma));
+  const double panel_sigmas = 8.0, wanted = ceil((end - begin) / (panel_sigmas * ray->world->smoke->smallest_sigma));
   const int count = (int)fmin(fmax(wanted, 4.0), (double)MAX_STRETCH_PANELS);
   for (int k = 0; k < count; k++) {
     const double width = (end - begin) / count;

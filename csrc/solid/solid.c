@@ -155,11 +155,11 @@ static struct RTCRay make_ray(fum_vec3 origin, fum_vec3 direction, float near, f
                          .mask = 0xffffffffU};
 }
 
-bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float start, float length) {
+bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float length) {
   if (solids == NULL || solids->shadow == NULL) return false;
   struct RTCIntersectContext how;
   rtcInitIntersectContext(&how);
-  struct RTCRay ray = make_ray(origin, direction, start, length);
+  struct RTCRay ray = make_ray(origin, direction, 0.0F, length);
   rtcOccluded1(solids->shadow, &how, &ray);
   return ray.tfar < 0.0F;
 }
