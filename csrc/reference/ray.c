@@ -191,7 +191,7 @@ static bool break_at(fum_ray *ray, double t) {
 
 /* Panels over a stretch of the ray with smoke throughout: a few of the smallest particles wide. */
 static bool cover(fum_ray *ray, double begin, double end) {
-  const double panel_sigmas = 8.0, wanted = ceil((end - begin) / (panel_sigmas * ray->world->smoke->smallest_sigma));
+  const double panel_sigmas = 4.0, wanted = ceil((end - begin) / (panel_sigmas * ray->world->smoke->smallest_sigma));
   const int count = (int)fmin(fmax(wanted, 4.0), (double)MAX_STRETCH_PANELS);
   for (int k = 0; k < count; k++) {
     const double width = (end - begin) / count;

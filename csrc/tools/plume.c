@@ -4,11 +4,12 @@
 #include "base/hash.h"
 
 #include <math.h>
-#include <stdlib.h>
 
-static const double HEIGHT = 3.0, RADIUS_LOW = 0.15, RADIUS_HIGH = 0.9, OVERLAP = 0.7, OPTICAL_DEPTH = 8.0;
+static const double HEIGHT = 3.0, RADIUS_LOW = 0.15, RADIUS_HIGH = 0.9, OVERLAP = 0.7;
 
-static double radius_at(double z) { return RADIUS_LOW + (RADIUS_HIGH - RADIUS_LOW) * z / HEIGHT; }
+static double radius_at(double z) {
+  return RADIUS_LOW + (RADIUS_HIGH - RADIUS_LOW) * z / HEIGHT;
+}
 
 /* Height at which a share of the plume's volume lies below: the radius grows linearly, so the volume with its cube. */
 static double height_of(double share) {
@@ -29,39 +30,22 @@ static void billow(double p[3]) {
   }
 }
 
-int cloud_plume(int64_t count, cloud *out_cloud) {
-  cloud c = {.count = count};
-  const size_t n = (size_t)(count > 0 ? count : 1);
-  c.positions = malloc(3 * n * sizeof *c.positions);
-  c.radii = malloc(n * sizeof *c.radii);
-  c.densities = malloc(n * sizeof *c.densities);
-  if (c.positions == NULL || c.radii == NULL || c.densities == NULL) {
-    cloud_free(&c);
-    return 1;
-  }
-  const double pi = 3.14159265358979323846;
+void cloud_fill_plume(cloud *c) {
+  const double pi = 3.14159265358979323846, count = (double)(c->count > 0 ? c->count : 1);
   const double volume = pi * HEIGHT / 3.0 * (pow(RADIUS_HIGH, 3.0) - pow(RADIUS_LOW, 3.0)) / (RADIUS_HIGH - RADIUS_LOW);
-  const double sigma = cbrt(OVERLAP * volume / (double)n);
+  const double sigma = cbrt(OVERLAP * volume / count);
   /* Mean extinction of overlapping Gaussians: n k (2 pi)^(3/2) sigma^3. */
-  const double density = OPTICAL_DEPTH / (2.0 * radius_at(0.5 * HEIGHT)) / (OVERLAP * pow(2.0 * pi, 1.5));
-  for (int64_t i = 0; i < count; i++) {
+  const double density = c->depth / (2.0 * radius_at(0.5 * HEIGHT)) / (OVERLAP * pow(2.0 * pi, 1.5));
+  for (int64_t i = 0; i < c->count; i++) {
     const uint64_t seed = (uint64_t)i * 3;
     const double z = height_of(fum_hash_unit(seed)), angle = 2.0 * pi * fum_hash_unit(seed + 1);
     const double r = radius_at(z) * sqrt(fum_hash_unit(seed + 2));
     double p[3] = {r * cos(angle), r * sin(angle), z};
     billow(p);
-    for (int axis = 0; axis < 3; axis++) c.positions[3 * i + axis] = (float)p[axis];
-    c.radii[i] = (float)(2.0 * sigma);
-    c.densities[i] = (float)density;
+    for (int axis = 0; axis < 3; axis++)
+      c->positions[3 * i + axis] = (float)p[axis];
+    c->radii[i] = (float)(2.0 * sigma);
+    c->densities[i] = (float)density;
   }
-  *out_cloud = c;
-  return 0;
-}
-
-void cloud_free(cloud *c) {
-  free(c->positions);
-  free(c->radii);
-  free(c->densities);
-  free(c->albedos);
-  *c = (cloud){0};
+  cloud_frame(c);
 }

@@ -35,10 +35,10 @@ static int read_property(const char *line, property *out) {
     const char *name;
     char type;
     int size;
-  } types[] = {{"float", 'f', 4},  {"float32", 'f', 4}, {"double", 'd', 8}, {"float64", 'd', 8}, {"uchar", 'u', 1},
-               {"uint8", 'u', 1},  {"char", 's', 1},    {"int8", 's', 1},   {"short", 's', 2},   {"ushort", 's', 2},
-               {"int16", 's', 2},  {"uint16", 's', 2},  {"int", 's', 4},    {"uint", 's', 4},    {"int32", 's', 4},
-               {"uint32", 's', 4}};
+  } types[] = {{"float", 'f', 4}, {"float32", 'f', 4}, {"double", 'd', 8}, {"float64", 'd', 8},
+               {"uchar", 'u', 1}, {"uint8", 'u', 1},   {"char", 's', 1},   {"int8", 's', 1},
+               {"short", 's', 2}, {"ushort", 's', 2},  {"int16", 's', 2},  {"uint16", 's', 2},
+               {"int", 's', 4},   {"uint", 's', 4},    {"int32", 's', 4},  {"uint32", 's', 4}};
   *out = (property){.field = FIELDS};
   for (size_t i = 0; i < sizeof types / sizeof types[0]; i++) {
     if (strcmp(types[i].name, type) == 0) *out = (property){FIELDS, types[i].type, types[i].size};
@@ -113,13 +113,10 @@ int cloud_read_ply(const char *path, cloud *out_cloud, char out_error[256]) {
   cloud c = {0};
   int status = read_header(file, path, &h, out_error);
   if (status != 0) goto done;
-  const size_t n = (size_t)(h.count > 0 ? h.count : 1);
-  c.count = h.count;
-  c.positions = calloc(3 * n, sizeof *c.positions);
-  c.albedos = calloc(3 * n, sizeof *c.albedos);
-  c.radii = calloc(n, sizeof *c.radii);
-  c.densities = calloc(n, sizeof *c.densities);
-  if (c.positions == NULL || c.albedos == NULL || c.radii == NULL || c.densities == NULL) {
+  const size_t albedos = 3 * (size_t)(h.count > 0 ? h.count : 1);
+  status = cloud_allocate(h.count, &c);
+  if (status == 0) c.albedos = calloc(albedos, sizeof *c.albedos);
+  if (status != 0 || c.albedos == NULL) {
     status = fail(out_error, path, "no memory for its particles");
     goto done;
   }
@@ -137,6 +134,7 @@ int cloud_read_ply(const char *path, cloud *out_cloud, char out_error[256]) {
     }
     store(&c, i, values);
   }
+  cloud_frame(&c);
   *out_cloud = c;
   c = (cloud){0};
 done:

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The commands of the benchmark. Each prints its rows and returns 0, or says why not and returns nonzero. */
+#ifndef FUM_TOOLS_BENCH_H
+#define FUM_TOOLS_BENCH_H
+
+#include "tools/cloud.h"
+#include "tools/options.h"
+
+int bench_lighting(fum_context *context, const options *o, const cloud *c);
+int bench_frame(fum_context *context, const options *o, const cloud *c);
+int bench_reference(fum_context *context, const options *o, const cloud *c);
+int bench_image(fum_context *context, const options *o, const cloud *c);
+
+/* Says on standard error what failed last. Returns 1. */
+int bench_fail(const fum_context *context);
+
+double peak_rss_mb(void);
+
+#endif
