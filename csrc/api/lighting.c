@@ -22,7 +22,6 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
   };
   int32_t status = fum_reach_find(context, lighting.medium.octree, error, settings->intersection_scale,
                                   settings->shadowing_density, &lighting.medium.reaches);
-  if (status == FUM_OK) status = fum_receivers_group(context, receivers, &lighting.receivers);
   if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
   if (status != FUM_OK) {
     fum_lighting_end(context, &lighting);
@@ -93,6 +92,7 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
     status = fum_octree_build_points(context, scene->origin, count, local, FUM_GROUP_SIZE, &points);
   }
   if (status == FUM_OK) status = fum_lighting_begin(scene, &checked, points, &lighting);
+  if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status != FUM_OK) goto done;
   const surface surfaces = {points->indices, normals};

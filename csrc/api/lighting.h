@@ -14,7 +14,8 @@ typedef struct fum_lighting {
   fum_gathering gathering;
 } fum_lighting;
 
-/* `receivers` is the octree of the points to be lit. The scene's caches must be current. */
+/* `receivers` is the octree of the points to be lit, which are to be grouped into out_lighting->receivers. The scene's
+ * caches must be current. */
 int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,
                            fum_lighting *out_lighting);
 void fum_lighting_end(fum_context *context, fum_lighting *lighting);

@@ -4,6 +4,7 @@
 #include "api/settings.h"
 #include "billboard/arrange.h"
 #include "billboard/gl.h"
+#include "billboard/tiles.h"
 #include "lighting/inscatter.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
@@ -90,6 +91,7 @@ static int32_t light_particles(render *r, float **out_light) {
   float *light = NULL;
   int32_t status = fum_alloc(r->context, all->count, 3 * sizeof *light, "light of the particles", &light);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  if (status == FUM_OK) status = fum_receivers_group(r->context, all, &lighting.receivers);
   if (status != FUM_OK) goto done;
   const fum_viewpoint viewpoint = find_viewpoint(&r->view);
   status = fum_inscatter(r->scene, &lighting.gathering, lighting.lamps, &viewpoint, light);
@@ -144,12 +146,65 @@ done:
   return status;
 }
 
-static int32_t make_combined(render *r) {
+/* Every particle lit at its centre, billboards blended by OpenGL. */
+static int32_t combine_with_gl(render *r) {
   float *light = NULL;
   int32_t status = light_particles(r, &light);
   if (status == FUM_OK) status = draw_billboards(r, light);
   fum_free(r->context, &light);
   return status;
+}
+
+/* Light on a lattice, particles added up in slabs. */
+static int32_t combine_with_tiles(render *r) {
+  const fum_octree *all = r->scene->caches->all;
+  const float footprint = footprint_sigmas(r->settings.tolerance);
+  float anisotropies[16];
+  fum_lighting lighting = {0};
+  fum_slabs slabs = {0};
+  fum_lattice lattice = {0};
+  fum_splats splats = {0};
+  fum_tile_job job = {.scene = r->scene,
+                      .octree = all,
+                      .view = &r->view,
+                      .slabs = &slabs,
+                      .splats = &splats,
+                      .lattice = &lattice,
+                      .solids = r->scene->caches->solids,
+                      .solid_shadow_intensity = r->settings.solid_shadow_intensity,
+                      .solid_depths = r->solid_depths,
+                      .rgba = r->combined};
+  double start_s = fum_now_s();
+  int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
+  if (status == FUM_OK) status = fum_slabs_find(r->context, all, &r->view, r->settings.tolerance, job.thinnest, &slabs);
+  if (status != FUM_OK || slabs.count == 0) goto done;
+  status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  if (status != FUM_OK) goto done;
+  job.lamps = lighting.lamps;
+  status = fum_lattice_light(all, &r->view, &slabs, footprint, &lighting.gathering, r->scene->light_count,
+                             lighting.lamps, &lattice);
+  if (status != FUM_OK) goto done;
+  for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  r->stats.light_s = fum_now_s() - start_s;
+  start_s = fum_now_s();
+  status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
+  if (status != FUM_OK) goto done;
+  r->stats.drawn_count = splats.seen_count;
+  r->stats.sort_s = fum_now_s() - start_s;
+  start_s = fum_now_s();
+  status = fum_tiles_draw(r->context, &job);
+  r->stats.draw_s = fum_now_s() - start_s;
+  memcpy(r->stats.device, "tiles", sizeof "tiles");
+done:
+  fum_splats_free(r->context, &splats);
+  fum_lattice_free(r->context, &lattice);
+  fum_slabs_free(r->context, &slabs);
+  fum_lighting_end(r->context, &lighting);
+  return status;
+}
+
+static int32_t make_combined(render *r) {
+  return r->settings.device == FUM_DEVICE_GL ? combine_with_gl(r) : combine_with_tiles(r);
 }
 
 static int32_t make_depth(render *r) {

@@ -73,8 +73,12 @@ enum { FUM_CAMERA_PERSPECTIVE = 0, FUM_CAMERA_ORTHOGRAPHIC = 1 };
 /** How the optical depth to the lights is computed. Automatic picks the cheapest solver that keeps the tolerance. */
 enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1 };
 
-/** What draws the billboards. */
-enum { FUM_DEVICE_AUTO = 0, FUM_DEVICE_GL = 1 };
+/**
+ * What draws the particles. Tiles: in C; light is known everywhere, inside particles too, and overlapping particles are
+ * integrated together. GL: OpenGL, every particle lit at its centre and blended as a whole, as in the paper. Automatic
+ * takes tiles.
+ */
+enum { FUM_DEVICE_AUTO = 0, FUM_DEVICE_GL = 1, FUM_DEVICE_TILES = 2 };
 
 /** Passes, in the order of the pass table (fum_pass_get). */
 enum { FUM_PASS_COMBINED = 0, FUM_PASS_DEPTH = 1 };

@@ -7,6 +7,19 @@
 /* Samples that cubic interpolation wants beyond a point on either side, and one for rounding. */
 enum { MARGIN = 3 };
 
+/* Samples stand at multiples of their spacing, so that a small change of the smoke's bounds moves none. Closer than pixels
+ * there is nothing to see: then they stand on the pixels' centres. Returns how many there are along the axis. */
+static int32_t lay_axis(const fum_view *view, const fum_face *face, int axis, double wanted, fum_lattice_face *grid) {
+  const double pixel = (view->window[2 * axis + 1] - view->window[2 * axis]) / (double)(axis == 0 ? view->width : view->height);
+  const bool on_pixels = wanted < pixel;
+  const double spacing = on_pixels ? pixel : wanted, phase = on_pixels ? view->window[2 * axis] + 0.5 * pixel : 0.0;
+  const double first = floor(((double)face->lower[axis] - phase) / spacing) - MARGIN;
+  const double last = ceil(((double)face->upper[axis] - phase) / spacing) + MARGIN;
+  grid->spacing[axis] = (float)spacing;
+  grid->origin[axis] = (float)(phase + first * spacing);
+  return (int32_t)(last - first) + 1;
+}
+
 static int32_t lay_faces(fum_context *context, const fum_view *view, const fum_slabs *slabs, fum_lattice *lattice) {
   lattice->face_count = slabs->count + 1;
   int32_t status = fum_alloc(context, lattice->face_count, sizeof *lattice->faces, "lattice of light", &lattice->faces);
@@ -17,13 +30,11 @@ static int32_t lay_faces(fum_context *context, const fum_view *view, const fum_s
     fum_lattice_face *grid = &lattice->faces[f];
     grid->first = lattice->sample_count;
     if (!(face->lower[0] < face->upper[0] && face->lower[1] < face->upper[1] && face->spacing > 0.0F)) continue;
-    grid->spacing = is_perspective ? face->spacing / fmaxf(face->range, 1e-3F * face->spacing) : face->spacing;
-    /* Samples stand at multiples of the spacing, so that a small change of the smoke's bounds moves none. */
-    const float column = floorf(face->lower[0] / grid->spacing) - MARGIN, row = floorf(face->lower[1] / grid->spacing) - MARGIN;
-    grid->u = column * grid->spacing;
-    grid->v = row * grid->spacing;
-    grid->columns = (int32_t)(ceilf(face->upper[0] / grid->spacing) - column) + MARGIN + 1;
-    grid->rows = (int32_t)(ceilf(face->upper[1] / grid->spacing) - row) + MARGIN + 1;
+    const double wanted = (double)(is_perspective ? face->spacing / fmaxf(face->range, 1e-3F * face->spacing) : face->spacing);
+    int32_t counts[2];
+    for (int axis = 0; axis < 2; axis++) counts[axis] = lay_axis(view, face, axis, wanted, grid);
+    grid->columns = counts[0];
+    grid->rows = counts[1];
     lattice->sample_count += (int64_t)grid->columns * grid->rows;
   }
   return FUM_OK;
@@ -53,11 +64,10 @@ static void mark_face(const fum_view *view, const fum_lattice_face *grid, const 
   float lower[2], upper[2];
   fum_view_cover(view, center, radius, lower, upper);
   if (grid->columns == 0 || lower[0] >= upper[0] || lower[1] >= upper[1]) return;
-  const float per_unit = 1.0F / grid->spacing;
-  const int32_t c0 = clamp((lower[0] - grid->u) * per_unit - 1.5F, grid->columns - 1);
-  const int32_t c1 = clamp((upper[0] - grid->u) * per_unit + 2.5F, grid->columns - 1);
-  const int32_t r0 = clamp((lower[1] - grid->v) * per_unit - 1.5F, grid->rows - 1);
-  const int32_t r1 = clamp((upper[1] - grid->v) * per_unit + 2.5F, grid->rows - 1);
+  const int32_t c0 = clamp((lower[0] - grid->origin[0]) / grid->spacing[0] - 1.5F, grid->columns - 1);
+  const int32_t c1 = clamp((upper[0] - grid->origin[0]) / grid->spacing[0] + 2.5F, grid->columns - 1);
+  const int32_t r0 = clamp((lower[1] - grid->origin[1]) / grid->spacing[1] - 1.5F, grid->rows - 1);
+  const int32_t r1 = clamp((upper[1] - grid->origin[1]) / grid->spacing[1] + 2.5F, grid->rows - 1);
   for (int32_t r = r0; r <= r1; r++) {
     const int64_t row = grid->first + (int64_t)r * grid->columns;
     mark_span(m, row + c0, row + c1 + 1);
@@ -134,8 +144,8 @@ static int32_t collect(fum_context *context, const fum_view *view, const fum_sla
     for (int64_t i = 0; i < samples; i++) {
       if (!is_marked(m, grid->first + i)) continue;
       double local[3];
-      const float u = grid->u + grid->spacing * (float)(i % grid->columns);
-      const float v = grid->v + grid->spacing * (float)(i / grid->columns);
+      const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
+      const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
       fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
       for (int axis = 0; axis < 3; axis++) c->positions[3 * n + axis] = (float)local[axis];
       c->samples[n++] = (uint32_t)(grid->first + i);
@@ -148,7 +158,7 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
                              const fum_lamp *lamps, fum_lattice *lattice) {
   fum_context *context = base->context;
   fum_receivers receivers = {0};
-  float *depths = NULL, *visible = NULL;
+  float *depths = NULL, *visible = NULL, *sent = NULL;
   int32_t total = 0, done_samples = 0;
   for (int32_t l = 0; l < light_count; l++) total += lamps[l].sample_count;
   int32_t status = fum_receivers_group(context, points, &receivers);
@@ -156,20 +166,25 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
   if (status == FUM_OK && lattice->visible != NULL) {
     status = fum_alloc(context, c->count, sizeof *visible, "lattice of light", &visible);
   }
+  if (status == FUM_OK && lattice->sent != NULL) {
+    status = fum_alloc(context, c->count, sizeof *sent, "lattice of light", &sent);
+  }
   fum_gathering g = *base;
   g.receivers = &receivers;
   for (int32_t l = 0; l < light_count && status == FUM_OK; l++) {
     const float from = (float)done_samples / (float)total;
     done_samples += lamps[l].sample_count;
-    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
+    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible, sent);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
     for (int64_t i = 0; i < c->count; i++) {
       const int64_t at = base_index + c->samples[points->indices[i]];
       lattice->depths[at] = depths[i];
       if (visible != NULL) lattice->visible[at] = visible[i];
+      if (sent != NULL) lattice->sent[at] = sent[i];
     }
   }
+  fum_free(context, &sent);
   fum_free(context, &visible);
   fum_free(context, &depths);
   fum_receivers_free(context, &receivers);
@@ -195,6 +210,10 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
   if (status == FUM_OK && gathering->solids != NULL) {
     status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
   }
+  for (int32_t l = 0; l < light_count && status == FUM_OK && lattice.sent == NULL; l++) {
+    if (lamps[l].desc.type != FUM_LIGHT_AREA) continue;
+    status = fum_alloc(context, values, sizeof *lattice.sent, "lattice of light", &lattice.sent);
+  }
   if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
   if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
   if (status == FUM_OK) status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
@@ -216,4 +235,5 @@ void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
   fum_free(context, &lattice->faces);
   fum_free(context, &lattice->depths);
   fum_free(context, &lattice->visible);
+  fum_free(context, &lattice->sent);
 }

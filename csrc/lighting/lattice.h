@@ -12,9 +12,9 @@
 
 /* The samples on one face: a rectangle of them, of which those near smoke are lit. */
 typedef struct fum_lattice_face {
-  float u, v;     /* window coordinates of sample 0, 0 */
-  float spacing;  /* in window coordinates; 0: no samples here */
-  int32_t columns, rows;
+  float origin[2];  /* window coordinates of sample 0, 0 */
+  float spacing[2]; /* in window coordinates: across, up */
+  int32_t columns, rows; /* 0, 0: no samples here */
   int64_t first;  /* index of sample 0, 0 */
 } fum_lattice_face;
 
@@ -25,6 +25,7 @@ typedef struct fum_lattice {
   int64_t lit_count;
   float *depths;           /* [light_count][sample_count] optical depth to the light */
   float *visible;          /* the same: share of the light that solids let through; NULL without solids */
+  float *sent;             /* the same: irradiance, as a factor on the light's colour, of area lights; NULL without any */
 } fum_lattice;
 
 /* Places samples wherever a particle's footprint (in sigmas) comes near, and lights them. `gathering` comes without

@@ -20,12 +20,12 @@ typedef struct seen_leaf {
   double center[3]; /* camera space */
 } seen_leaf;
 
-static seen_leaf see_leaf(const fum_octree *octree, const fum_octree_node *node, const fum_view *view) {
+static seen_leaf see_leaf(const fum_octree *octree, const fum_octree_node *node, const fum_view *view, float thinnest) {
   seen_leaf leaf = {0};
   double middle[3], volume = 1.0, squared = 0.0, mean_sigma = 0.0;
   for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
     const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-    const double mass = (double)octree->optical_depths[i] * 2.0 * FUM_PI * sigma * sigma;
+    const double mass = (double)fmaxf(octree->optical_depths[i], thinnest) * 2.0 * FUM_PI * sigma * sigma;
     leaf.mass += mass;
     leaf.inverse_square += mass / (sigma * sigma);
     leaf.sigma_max = fmax(leaf.sigma_max, sigma);
@@ -57,12 +57,12 @@ static bool is_in_view(const fum_view *view, const seen_leaf *leaf, double radiu
 /* Sigmas around a particle within which it is looked at. */
 static const double REACH_SIGMAS = 4.0;
 
-static void find_extent(const fum_octree *octree, const fum_view *view, double extent[2]) {
+static void find_extent(const fum_octree *octree, const fum_view *view, float thinnest, double extent[2]) {
   extent[0] = INFINITY;
   extent[1] = -INFINITY;
   for (int64_t n = 0; n < octree->node_count; n++) {
     if (octree->nodes[n].children != 0) continue;
-    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view);
+    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view, thinnest);
     const double reach = leaf.radius + REACH_SIGMAS * leaf.sigma_max;
     if (!(leaf.mass > 0.0) || !is_in_view(view, &leaf, reach)) continue;
     extent[0] = fmin(extent[0], leaf.range - reach);
@@ -71,11 +71,11 @@ static void find_extent(const fum_octree *octree, const fum_view *view, double e
   extent[0] = fmax(extent[0], view->clip_start);
 }
 
-static void fill_bins(const fum_octree *octree, const fum_view *view, const double extent[2], bin *bins) {
+static void fill_bins(const fum_octree *octree, const fum_view *view, float thinnest, const double extent[2], bin *bins) {
   const double bins_per_metre = BINS / (extent[1] - extent[0]);
   for (int64_t n = 0; n < octree->node_count; n++) {
     if (octree->nodes[n].children != 0) continue;
-    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view);
+    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view, thinnest);
     const double reach = leaf.radius + REACH_SIGMAS * leaf.sigma_max;
     if (!(leaf.mass > 0.0) || !is_in_view(view, &leaf, reach)) continue;
     float lower[2], upper[2];
@@ -96,22 +96,22 @@ static void fill_bins(const fum_octree *octree, const fum_view *view, const doub
 }
 
 /* Steps in sigmas that keep the error of the picture below the tolerance, fitted to measurements against brute force
- * (docs/ACCURACY.md): 0.8 % sqrt(K sigma) step^2 for the slabs, 1.3 % sqrt(K sigma) step^3 for light sampled on a
+ * (docs/ACCURACY.md): 1.6 % sqrt(K sigma) step^2 for the slabs, 2 % sqrt(K sigma) step^3 for light sampled on a
  * square lattice and interpolated cubically. Each gets half of the tolerance. */
 static double slab_step(double thickness, double tolerance) {
-  return fmin(3.0, fmax(0.25, sqrt(0.5 * tolerance / (0.008 * sqrt(thickness)))));
+  return fmin(3.0, fmax(0.25, sqrt(0.5 * tolerance / (0.016 * sqrt(thickness)))));
 }
 
 static double light_step(double thickness, double tolerance) {
-  return fmin(2.0, fmax(0.25, cbrt(0.5 * tolerance / (0.013 * sqrt(thickness)))));
+  return fmin(2.0, fmax(0.25, cbrt(0.5 * tolerance / (0.020 * sqrt(thickness)))));
 }
 
-static fum_face make_face(const bin *b, double range, double tolerance, double pixel, double *out_step) {
+static fum_face make_face(const bin *b, double range, double tolerance, double *out_step) {
   fum_face face = {.range = (float)range, .lower = {INFINITY, INFINITY}, .upper = {-INFINITY, -INFINITY}};
   if (!(b->mass > 0.0)) return face;
   const double sigma = sqrt(b->mass / b->inverse_sigma), thickness = fmax(1e-6, b->thickness / b->mass);
   *out_step = slab_step(thickness, tolerance) * sigma;
-  face.spacing = (float)fmax(light_step(thickness, tolerance) * sigma, 1.5 * pixel * fmax(range, 0.0));
+  face.spacing = (float)(light_step(thickness, tolerance) * sigma);
   for (int axis = 0; axis < 2; axis++) {
     face.lower[axis] = b->lower[axis];
     face.upper[axis] = b->upper[axis];
@@ -119,17 +119,14 @@ static fum_face make_face(const bin *b, double range, double tolerance, double p
   return face;
 }
 
-static int32_t place_faces(const fum_view *view, const bin *bins, const double extent[2], float tolerance,
-                           fum_face *faces) {
+static int32_t place_faces(const bin *bins, const double extent[2], float tolerance, fum_face *faces) {
   const double metres_per_bin = (extent[1] - extent[0]) / BINS;
-  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
-  const double pixel = (view->window[1] - view->window[0]) / (double)view->width;
   double range = extent[0];
   int32_t count = 0;
   while (range < extent[1] && count < MAX_SLABS) {
     const int b = (int)fmin(BINS - 1, fmax(0.0, (range - extent[0]) / metres_per_bin));
     double step = metres_per_bin;
-    faces[count++] = make_face(&bins[b], range, (double)tolerance, is_perspective ? pixel : 0.0, &step);
+    faces[count++] = make_face(&bins[b], range, (double)tolerance, &step);
     range += fmax(step, (extent[1] - extent[0]) / (MAX_SLABS - 1));
     /* One slab for a stretch without smoke. */
     if (bins[b].mass > 0.0) continue;
@@ -142,11 +139,11 @@ static int32_t place_faces(const fum_view *view, const bin *bins, const double e
 }
 
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
-                       fum_slabs *out_slabs) {
+                       float thinnest, fum_slabs *out_slabs) {
   bin *bins = NULL;
   fum_face *faces = NULL;
   double extent[2];
-  find_extent(octree, view, extent);
+  find_extent(octree, view, thinnest, extent);
   *out_slabs = (fum_slabs){0};
   if (!(extent[0] < extent[1])) return FUM_OK;
   int32_t status = fum_alloc(context, BINS, sizeof *bins, "slabs", &bins);
@@ -158,8 +155,8 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
       bins[b].upper[axis] = -INFINITY;
     }
   }
-  fill_bins(octree, view, extent, bins);
-  out_slabs->count = place_faces(view, bins, extent, tolerance, faces);
+  fill_bins(octree, view, thinnest, extent, bins);
+  out_slabs->count = place_faces(bins, extent, tolerance, faces);
   out_slabs->faces = faces;
   faces = NULL;
 done:

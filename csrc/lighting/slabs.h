@@ -20,9 +20,10 @@ typedef struct fum_slabs {
   fum_face *faces; /* [count + 1], nearest first */
 } fum_slabs;
 
-/* `tolerance` is the relative error of the picture that the steps may cause. */
+/* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a particle
+ * counts at least (above 0 where it may glow without absorbing). */
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
-                       fum_slabs *out_slabs);
+                       float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
 
 #endif

@@ -17,7 +17,7 @@ static const char USAGE[] =
     "  --tolerance X    default 0.01, of reference 0.0001\n"
     "  --leaf N         leaf size of the octree (default: the library's)\n"
     "  --subsampling S  share of the particles that cast shadows (default 1)\n"
-    "  --device auto|gl\n"
+    "  --device auto|gl|tiles\n"
     "  --width W --height H   default 960 x 540, of reference and image 96 x 96\n"
     "lighting: time and errors of the transmittance\n"
     "  --solver automatic|exact, --sample N (particles checked by brute force, default 256)\n"
@@ -89,7 +89,7 @@ static bool parse_number(options *o, const char *name, const char *value) {
 }
 
 static bool parse_option(options *o, const char *name, const char *value) {
-  static const char *const solvers[] = {"automatic", "exact"}, *const devices[] = {"auto", "gl"};
+  static const char *const solvers[] = {"automatic", "exact"}, *const devices[] = {"auto", "gl", "tiles"};
   const char **text = strcmp(name, "--file") == 0    ? &o->file
                       : strcmp(name, "--exr") == 0   ? &o->exr
                       : strcmp(name, "--scene") == 0 ? &o->scene

@@ -156,7 +156,7 @@ def test_particles_born_on_a_surface_are_lit() -> None:
     for height, is_lit in ((4.0, True), (-4.0, False)):
         scene = core.Scene(core.Context())
         scene.add_particles(position, radius=0.2, density=1.0)
-        scene.add_mesh([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], [(0, 1, 2), (0, 2, 3)], visible_to_camera=False)
+        scene.add_mesh([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], [(0, 1, 2), (0, 2, 3)])
         lamp = np.eye(4)
         lamp[2, 3] = height
         scene.add_light("POINT", matrix=lamp, power=1000.0)

@@ -32,7 +32,7 @@ class Settings:
     """How a scene is lit and drawn. Values out of range raise FumaroleError when the settings are used.
 
     solver: "AUTOMATIC" takes the cheapest that keeps the tolerance; "EXACT".
-    device: what draws: "AUTO" or "GL".
+    device: what draws: "AUTO", "TILES" or "GL".
     leaf_size: an octree cell is subdivided above this many particles, 1..4096.
     light_samples: most sample points of a soft light, 1..1024.
     tolerance: relative error that lighting and drawing may cause, 1e-4..0.5; transmittance keeps a tenth of it.

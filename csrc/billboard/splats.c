@@ -1,0 +1,182 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "billboard/splats.h"
+
+#include "base/vector.h"
+
+/* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
+ * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
+static const double MIN_SIGMA_PIXELS = 0.6;
+
+/* Area that a Gaussian of optical depth tau covers, the integral of 1 - exp(-tau(r)), over 2 pi sigma^2: the entire
+ * exponential integral Ein(tau). Above 1: Abramowitz and Stegun, Handbook of Mathematical Functions, 5.1.56. */
+static double coverage(double tau) {
+  const double euler_gamma = 0.57721566490153286;
+  if (tau < 1.0) {
+    double term = tau, sum = tau;
+    for (int n = 2; n < 16; n++) {
+      term *= -tau / n;
+      sum += term / n;
+    }
+    return sum;
+  }
+  const double tail =
+      exp(-tau) / tau * ((tau + 2.334733) * tau + 0.250621) / ((tau + 3.330657) * tau + 1.681534);
+  return log(tau) + euler_gamma + tail;
+}
+
+/* The optical depth whose coverage is `area`, by Newton's method. */
+static double depth_of_coverage(double area) {
+  if (area < 0.01) return area * (1.0 + area * (0.25 + 0.0694 * area));
+  double tau = fmax(area, exp(area - 0.57721566490153286));
+  for (int i = 0; i < 5; i++) tau += (area - coverage(tau)) * tau / (1.0 - exp(-tau));
+  return tau;
+}
+
+/* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions, so
+ * that a disc across the camera's plane needs no division. */
+static void find_slopes(double lateral, double depth, double radius, double out[2]) {
+  const double squared = lateral * lateral + (depth - radius) * (depth + radius);
+  out[0] = -INFINITY;
+  out[1] = INFINITY;
+  if (squared <= 0.0) return; /* the camera is in the disc */
+  const double tangent = sqrt(squared);
+  const double low_x = depth * tangent + lateral * radius, high_x = depth * tangent - lateral * radius;
+  if (low_x <= 0.0 && high_x <= 0.0) {
+    out[0] = INFINITY;
+    out[1] = -INFINITY;
+    return;
+  }
+  if (low_x > 0.0) out[0] = (lateral * tangent - depth * radius) / low_x;
+  if (high_x > 0.0) out[1] = (lateral * tangent + depth * radius) / high_x;
+}
+
+static int32_t clamp_pixel(double value, int32_t high) {
+  return value <= 0.0 ? 0 : value >= (double)high ? high : (int32_t)value;
+}
+
+static void find_footprint(const fum_view *view, double footprint_m, fum_splat *splat) {
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const int32_t sides[2] = {view->width, view->height};
+  const double depth = -(double)splat->center[2];
+  if (depth + footprint_m <= view->clip_start || depth - footprint_m >= view->clip_end) return;
+  for (int axis = 0; axis < 2; axis++) {
+    const double center = (double)splat->center[axis], *edges = view->window + 2 * axis;
+    double ends[2] = {center - footprint_m, center + footprint_m};
+    if (is_perspective) find_slopes(center, depth, footprint_m, ends);
+    const double per_unit = (double)sides[axis] / (edges[1] - edges[0]);
+    if (!(ends[0] < ends[1])) {
+      splat->upper[0] = splat->upper[1] = 0;
+      return;
+    }
+    /* Pixels whose centres may lie within. */
+    splat->lower[axis] = clamp_pixel((ends[0] - edges[0]) * per_unit - 0.5, sides[axis]);
+    splat->upper[axis] = clamp_pixel((ends[1] - edges[0]) * per_unit + 1.5, sides[axis]);
+  }
+}
+
+static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, double footprint_sigmas, float thinnest) {
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
+  double c[3];
+  fum_transform_point(view->camera_from_local, local, c);
+  fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}};
+  const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
+  const double pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
+                            (view->window[3] - view->window[2]) / (double)view->height);
+  const double width = fmax(sigma, MIN_SIGMA_PIXELS * pixel * (is_perspective ? fmax(-c[2], 0.0) : 1.0));
+  double optical_depth = (double)fmaxf(octree->optical_depths[i], thinnest);
+  if (width > sigma) {
+    const double share = sigma / width;
+    optical_depth = depth_of_coverage(coverage(optical_depth) * share * share);
+  }
+  splat.sigma = (float)sigma;
+  splat.width = (float)width;
+  splat.optical_depth = (float)optical_depth;
+  splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
+  find_footprint(view, footprint_sigmas * width, &splat);
+  return splat;
+}
+
+static bool is_seen(const fum_splat *s) { return s->lower[0] < s->upper[0] && s->lower[1] < s->upper[1]; }
+
+/* Calls for every tile that the splat touches: counts it, or writes it down at the place that was counted. */
+static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32_t *out) {
+  const fum_splat *splat = &s->splats[i];
+  if (!is_seen(splat)) return;
+  for (int32_t row = splat->lower[1] / FUM_TILE; row <= (splat->upper[1] - 1) / FUM_TILE; row++) {
+    for (int32_t column = splat->lower[0] / FUM_TILE; column <= (splat->upper[0] - 1) / FUM_TILE; column++) {
+      const int64_t at = cursors[(int64_t)row * s->columns + column]++;
+      if (out != NULL) out[at] = (uint32_t)i;
+    }
+  }
+}
+
+/* Counting sort: each block of particles counts its tiles, then writes to places of its own, so that every tile's
+ * splats stay in order whatever the number of threads. */
+static int32_t sort_into_tiles(fum_context *context, fum_splats *s) {
+  const int64_t tiles = (int64_t)s->columns * s->rows;
+  const int blocks = fum_thread_count(context);
+  int64_t *cursors = NULL;
+  int32_t status = fum_alloc(context, blocks * tiles, sizeof *cursors, "tiles", &cursors);
+  if (status == FUM_OK) status = fum_alloc(context, tiles + 1, sizeof *s->tile_begins, "tiles", &s->tile_begins);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(blocks) schedule(static, 1)
+  for (int block = 0; block < blocks; block++) {
+    const int64_t end = s->count * (block + 1) / blocks;
+    for (int64_t i = s->count * block / blocks; i < end; i++) touch_tiles(s, i, cursors + block * tiles, NULL);
+  }
+  int64_t total = 0;
+  for (int64_t tile = 0; tile < tiles; tile++) {
+    s->tile_begins[tile] = total;
+    for (int block = 0; block < blocks; block++) {
+      const int64_t n = cursors[block * tiles + tile];
+      cursors[block * tiles + tile] = total;
+      total += n;
+    }
+  }
+  s->tile_begins[tiles] = total;
+  status = fum_alloc(context, total, sizeof *s->tile_splats, "tiles", &s->tile_splats);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(blocks) schedule(static, 1)
+  for (int block = 0; block < blocks; block++) {
+    const int64_t end = s->count * (block + 1) / blocks;
+    for (int64_t i = s->count * block / blocks; i < end; i++) {
+      touch_tiles(s, i, cursors + block * tiles, s->tile_splats);
+    }
+  }
+done:
+  fum_free(context, &cursors);
+  return status;
+}
+
+int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, float footprint_sigmas,
+                        float thinnest, fum_splats *out_splats) {
+  fum_splats s = {.count = octree->count,
+                  .columns = (view->width + FUM_TILE - 1) / FUM_TILE,
+                  .rows = (view->height + FUM_TILE - 1) / FUM_TILE};
+  int64_t seen = 0;
+  int32_t status = fum_alloc(context, s.count, sizeof *s.splats, "splats", &s.splats);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
+  for (int64_t i = 0; i < s.count; i++) {
+    if (fum_progress_in_loop(context, i, 1 << 16)) continue;
+    s.splats[i] = see(octree, view, i, (double)footprint_sigmas, thinnest);
+    seen += is_seen(&s.splats[i]);
+  }
+  s.seen_count = seen;
+  status = fum_progress_report(context, FUM_STAGE_SORTING, 0.5F, "Sorting particles into tiles");
+  if (status == FUM_OK) status = sort_into_tiles(context, &s);
+done:
+  if (status == FUM_OK) {
+    *out_splats = s;
+  } else {
+    fum_splats_free(context, &s);
+  }
+  return status;
+}
+
+void fum_splats_free(fum_context *context, fum_splats *splats) {
+  fum_free(context, &splats->splats);
+  fum_free(context, &splats->tile_begins);
+  fum_free(context, &splats->tile_splats);
+}

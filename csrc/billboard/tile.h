@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* One tile of the picture: its particles' optical depth is added up in slabs along each pixel's ray, then light and
+ * attenuation are integrated from slab to slab. */
+#ifndef FUM_BILLBOARD_TILE_H
+#define FUM_BILLBOARD_TILE_H
+
+#include "billboard/splats.h"
+#include "lighting/lattice.h"
+#include "lighting/slabs.h"
+
+enum { FUM_TILE_PIXELS = FUM_TILE * FUM_TILE };
+
+/* What the tiles of a picture share. */
+typedef struct fum_tile_job {
+  const fum_scene *scene;
+  const fum_octree *octree;
+  const fum_view *view;
+  const fum_slabs *slabs;
+  const fum_splats *splats;
+  const fum_lattice *lattice;
+  const fum_lamp *lamps;
+  const fum_solids *solids; /* that cast shadows; NULL: none */
+  float solid_shadow_intensity;
+  const float *solid_depths; /* [height][width] along the axis; NULL: none */
+  int32_t class_count; /* of particles that scatter alike: with one anisotropy */
+  const float *anisotropies; /* [class_count] */
+  bool is_uniform;           /* one class, one albedo and no emission: only optical depth is added up... */
+  float albedo[3];           /* ...and this is the albedo */
+  bool glows;                /* emission is added up as well */
+  float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
+  float *rgba;               /* [height][width][4] */
+} fum_tile_job;
+
+/* Buffers of one thread; zeroed before the first tile. */
+typedef struct fum_tile_scratch {
+  float *slabs; /* [slab][channel][FUM_TILE_PIXELS] */
+  int64_t slabs_size;
+  float *depths; /* [light][2][FUM_TILE_PIXELS] */
+  bool is_out_of_memory;
+} fum_tile_scratch;
+
+/* Renders the pixels of tile `index` of job->splats. */
+typedef void (*fum_tile_fn)(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch);
+
+/* The loop for this processor. */
+fum_tile_fn fum_tile_get(void);
+
+#endif

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Light in a slab of a tile: the lattice's samples interpolated to pixels, strength and phase function at the middle of
+ * the slab. */
+#ifndef FUM_BILLBOARD_TILE_LIGHT_H
+#define FUM_BILLBOARD_TILE_LIGHT_H
+
+#include "billboard/tile.h"
+
+enum { FUM_MAX_CLASSES = 16 };
+
+/* The pixels of a tile. */
+typedef struct fum_light_grid {
+  const fum_tile_job *job;
+  const float *u, *v;           /* [FUM_TILE] of the window */
+  const float *inverse_length;  /* [FUM_TILE_PIXELS] of (u, v, -1) */
+  const float *far;             /* [FUM_TILE_PIXELS] range at which the ray ends */
+} fum_light_grid;
+
+/* One light in one slab, for all pixels. */
+typedef struct fum_slab_light {
+  const float *begin, *end; /* [FUM_TILE_PIXELS] optical depth to the light on the slab's faces */
+  const float *color;       /* [3] */
+  float strengths[FUM_MAX_CLASSES][FUM_TILE_PIXELS]; /* irradiance times phase function, past solids */
+} fum_slab_light;
+
+/* `slab` is the slab's optical depth and `front` that in front of it, [FUM_TILE_PIXELS]: what isn't seen isn't lit.
+ * `depths` [2][FUM_TILE_PIXELS] belongs to the light. */
+void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, int32_t slab_index, const float *slab,
+                         const float *front, float *depths, fum_slab_light *out_light);
+
+#endif

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "billboard/tiles.h"
+
+#include "base/cpu.h"
+#include "billboard/tile_light.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void fum_tile_plain(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch);
+void fum_tile_avx2(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch);
+void fum_tile_avx512(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch);
+
+fum_tile_fn fum_tile_get(void) {
+#if defined(__x86_64__)
+  switch (fum_cpu()) {
+  case FUM_CPU_AVX512:
+    return fum_tile_avx512;
+  case FUM_CPU_AVX2:
+    return fum_tile_avx2;
+  default:
+    return fum_tile_plain;
+  }
+#else
+  return fum_tile_plain;
+#endif
+}
+
+int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_CLASSES], fum_tile_job *job) {
+  const fum_particles *first = NULL;
+  job->class_count = 0;
+  job->is_uniform = true;
+  job->glows = false;
+  job->anisotropies = anisotropies;
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+    if (set->count == 0) continue;
+    int32_t k = 0;
+    while (k < job->class_count && anisotropies[k] != set->anisotropy) k++;
+    if (k == FUM_MAX_CLASSES) {
+      return fum_fail(scene->context, FUM_ERROR_ARGUMENT, "%s: more than %d different anisotropies", set->name,
+                      (int)FUM_MAX_CLASSES);
+    }
+    if (k == job->class_count) anisotropies[job->class_count++] = set->anisotropy;
+    const bool glows = set->emissions != NULL || set->emission[0] > 0.0F || set->emission[1] > 0.0F || set->emission[2] > 0.0F;
+    job->glows = job->glows || glows;
+    if (first == NULL) first = set;
+    const bool is_like_first = set->albedos == NULL && memcmp(set->albedo, first->albedo, sizeof set->albedo) == 0;
+    job->is_uniform = job->is_uniform && is_like_first && job->class_count == 1 && !glows;
+    memcpy(job->albedo, set->albedo, sizeof job->albedo);
+  }
+  /* Something that glows without absorbing gets an optical depth too thin to be seen. */
+  job->thinnest = job->glows ? 1e-5F : 0.0F;
+  return FUM_OK;
+}
+
+int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
+  const int64_t tiles = (int64_t)job->splats->columns * job->splats->rows;
+  const fum_tile_fn render_tile = fum_tile_get();
+  atomic_int_least64_t tiles_done = 0;
+  atomic_bool is_out_of_memory = false;
+#pragma omp parallel num_threads(fum_thread_count(context))
+  {
+    fum_tile_scratch scratch = {0};
+    const size_t lights = (size_t)(job->lattice->light_count > 0 ? job->lattice->light_count : 1);
+    scratch.depths = aligned_alloc(64, lights * 2 * FUM_TILE_PIXELS * sizeof *scratch.depths);
+    if (scratch.depths == NULL) atomic_store(&is_out_of_memory, true);
+#pragma omp for schedule(dynamic)
+    for (int64_t i = 0; i < tiles; i++) {
+      if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
+      render_tile(job, i, &scratch);
+      if (scratch.is_out_of_memory) atomic_store(&is_out_of_memory, true);
+      const int64_t done = atomic_fetch_add(&tiles_done, 1) + 1;
+      if (omp_get_thread_num() == 0) {
+        (void)fum_progress_report(context, FUM_STAGE_DRAWING, (float)done / (float)tiles, "Drawing tiles");
+      }
+    }
+    free(scratch.slabs);
+    free(scratch.depths);
+  }
+  if (atomic_load(&is_out_of_memory)) return fum_fail(context, FUM_ERROR_MEMORY, "drawing: no memory for a tile's slabs");
+  return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
+}

@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Draws the picture in C: particles added up in slabs, tile by tile, lit by the lattice. */
+#ifndef FUM_BILLBOARD_TILES_H
+#define FUM_BILLBOARD_TILES_H
+
+#include "billboard/tile.h"
+
+/* Fills in what the job needs to know of the particles' looks. Fails when they have too many anisotropies. */
+int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[16], fum_tile_job *job);
+
+/* Renders all tiles into job->rgba, which is zeroed. */
+int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job);
+
+#endif
