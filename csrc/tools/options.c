@@ -99,7 +99,7 @@ static bool parse_option(options *o, const char *name, const char *value) {
     return true;
   }
   if (strcmp(name, "--solver") == 0) return parse_choice(value, solvers, 2, &o->settings.solver);
-  if (strcmp(name, "--device") == 0) return parse_choice(value, devices, 2, &o->settings.device);
+  if (strcmp(name, "--device") == 0) return parse_choice(value, devices, 3, &o->settings.device);
   return parse_number(o, name, value);
 }
 
