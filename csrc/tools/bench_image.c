@@ -6,7 +6,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 /* Lights of one row, in radii from the cloud's middle; the camera stands at (0, -3, 0). */
 typedef struct arrangement {
@@ -115,7 +114,6 @@ static int compare_row(fum_context *context, const options *o, const cloud *c, c
 
 int bench_image(fum_context *context, const options *o, const cloud *c) {
   comparison k = {.width = o->width, .height = o->height, .every = o->every};
-  if (k.every == 0) k.every = strcmp(o->scene, "plume") == 0 ? 8 : 1;
   k.reference_width = count_pixels(k.width, k.every);
   k.reference_height = count_pixels(k.height, k.every);
   if (k.reference_width == 0 || k.reference_height == 0) return usage_error("out of range:", "--every");

@@ -8,7 +8,8 @@
 
 static const char USAGE[] =
     "usage: fumarole-bench lighting|frame|reference|image [OPTIONS]\n"
-    "  --scene NAME     plume (default 250000 particles), ball (2000), puff (1), six (6), mixed (300, radii 1 to 30),\n"
+    "  --scene NAME     plume (default 250000 particles, of image 1000000), ball (2000), puff (1), six (6), mixed "
+    "(300, radii 1 to 30),\n"
     "                   edge (2000, half of them behind a wall). Default plume, of image ball\n"
     "  --particles N\n"
     "  --file F.ply     particles of a binary little-endian PLY instead: x y z [radius density red green blue]\n"
@@ -18,7 +19,8 @@ static const char USAGE[] =
     "  --leaf N         leaf size of the octree (default: the library's)\n"
     "  --subsampling S  share of the particles that cast shadows (default 1)\n"
     "  --device auto|gl|tiles\n"
-    "  --width W --height H   default 960 x 540, of reference and image 96 x 96\n"
+    "  --width W --height H   default 960 x 540, of reference and image 96 x 96, of image\n"
+    "                   --scene plume 768 x 768\n"
     "lighting: time and errors of the transmittance\n"
     "  --solver automatic|exact, --sample N (particles checked by brute force, default 256)\n"
     "frame: time of a picture\n"
@@ -27,7 +29,7 @@ static const char USAGE[] =
     "  --depth D (optical depth across the scene), --exr FILE\n"
     "image: errors of the picture against the reference, a row for each position of the light\n"
     "  --depth D (default 5, of puff and six 3 a particle, of plume 8), --reference-tolerance X (default 0.0001),\n"
-    "  --every N (compares every Nth pixel of every Nth row; default 1, of plume 8)\n";
+    "  --every N (compares every Nth pixel of every Nth row; default 1, of plume 64)\n";
 
 int usage_error(const char *what, const char *value) {
   fprintf(stderr, "fumarole-bench: %s %s\n%s", what, value, USAGE);
@@ -104,21 +106,28 @@ static bool parse_option(options *o, const char *name, const char *value) {
 }
 
 static void set_defaults(options *o, const char *command) {
-  const bool is_small = strcmp(command, "reference") == 0 || strcmp(command, "image") == 0;
   *o = (options){.command = command,
                  .scene = strcmp(command, "image") == 0 ? "ball" : "plume",
                  .particles = -1,
                  .sample = 256,
-                 .lights = 1,
-                 .width = is_small ? 96 : 960,
-                 .height = is_small ? 96 : 540};
+                 .lights = 1};
   fum_settings_init(&o->settings);
   fum_reference_settings_init(&o->reference);
 }
 
+/* Sizes that were not asked for. A million particles of the plume are seen in pixels smaller than they are. */
+static void set_sizes(options *o) {
+  const bool is_image = strcmp(o->command, "image") == 0, is_reference = strcmp(o->command, "reference") == 0;
+  const bool is_plume = is_image && o->file == NULL && strcmp(o->scene, "plume") == 0;
+  if (o->width == 0) o->width = is_plume ? 768 : is_image || is_reference ? 96 : 960;
+  if (o->height == 0) o->height = is_plume ? 768 : is_image || is_reference ? 96 : 540;
+  if (o->every == 0) o->every = is_plume ? 64 : 1;
+  if (o->particles == -1 && is_plume) o->particles = 1000000;
+}
+
 static bool is_in_range(const options *o) {
   return o->particles >= -1 && o->lights >= 0 && o->lights <= 1024 && o->sample >= 0 && o->depth >= 0.0 &&
-         o->every >= 0 && o->every <= 1024 && o->width >= 1 && o->height >= 1 && o->width <= 65536 &&
+         o->every >= 1 && o->every <= 1024 && o->width >= 1 && o->height >= 1 && o->width <= 65536 &&
          o->height <= 65536;
 }
 
@@ -139,6 +148,7 @@ int options_parse(int argc, char **argv, options *o) {
     if (i + 1 >= argc || !parse_option(o, argv[i], argv[i + 1])) return usage_error("can't use", argv[i]);
     i++;
   }
+  set_sizes(o);
   if (!is_in_range(o)) return usage_error("out of range:", "a number");
   return 0;
 }

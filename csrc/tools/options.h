@@ -11,7 +11,7 @@ typedef struct options {
   int64_t sample;
   double depth; /* optical depth; 0: the scene's own */
   int32_t lights, threads, width, height;
-  int32_t every;       /* image: compare every such pixel of every such row; 0: the scene's own */
+  int32_t every;       /* image: compare every such pixel of every such row */
   int32_t wants_depth; /* Depth pass as well */
   fum_settings settings;
   fum_reference_settings reference;
