@@ -52,12 +52,13 @@ static void square_to_disc(double u, double v, double out[2]) {
   out[1] = radius * sin(angle);
 }
 
-/* Sample of patch (i, j): no two share a row or a column (Kensler 2013, "Correlated multi-jittered sampling"), so that
- * a straight edge passes them one by one. */
+/* Sample of patch (i, j). No two share a row or a column, so that a straight edge passes them one by one; they lean to
+ * alternate sides, so that what leaning changes in one patch is undone in the next. */
 static void patch_sample(int32_t i, int32_t j, int32_t side, double out[2]) {
   const double step = 1.0 / (double)side;
-  out[0] = ((double)i + ((double)j + 0.5) * step) * step;
-  out[1] = ((double)j + ((double)i + 0.5) * step) * step;
+  const double lean[2] = {((double)j + 0.5) * step - 0.5, ((double)i + 0.5) * step - 0.5};
+  out[0] = ((double)i + 0.5 + (i % 2 == 0 ? lean[0] : -lean[0])) * step;
+  out[1] = ((double)j + 0.5 + (j % 2 == 0 ? lean[1] : -lean[1])) * step;
 }
 
 /* Two unit vectors across the unit vector w. */
@@ -171,7 +172,7 @@ static void visit_patch(const area_view *a, double u0, double v0, double u, doub
     way[axis] = lamp->position[axis] + 0.5 * offset - a->point[axis];
   }
   const double squared = fmax(dot(way, way), 1e-30), distance = sqrt(squared);
-  if (divisions < MAX_DIVISIONS && 4.0 * step * fmax(a->size[0], a->size[1]) > distance) {
+  if (divisions < MAX_DIVISIONS && 8.0 * step * fmax(a->size[0], a->size[1]) > distance) {
     const double half = 0.5 * step;
     for (int k = 0; k < 4; k++) {
       const double u1 = u0 + (k & 1) * half, v1 = v0 + (k >> 1) * half;

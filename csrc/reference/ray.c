@@ -208,7 +208,7 @@ static bool break_at_small_particles(fum_ray *ray) {
   for (int64_t i = 0; i < ray->heard.count && ray->panel_count < MAX_PANELS; i++) {
     const fum_heard *h = &ray->heard.items[i];
     for (int k = -1; k <= 1 && h->sigma < widest / 8.0; k++) {
-      if (!break_at(ray, h->along + 4.0 * k * h->sigma)) return false;
+      if (!break_at(ray, h->along + k * h->cut)) return false;
     }
   }
   return true;
