@@ -181,8 +181,8 @@ static int32_t combine_with_tiles(render *r) {
   status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   if (status != FUM_OK) goto done;
   job.lamps = lighting.lamps;
-  status = fum_lattice_light(all, &r->view, &slabs, footprint, &lighting.gathering, r->scene->light_count,
-                             lighting.lamps, &lattice);
+  status = fum_lattice_light(all, &r->view, &slabs, footprint, r->settings.tolerance, &lighting.gathering,
+                             r->scene->light_count, lighting.lamps, &lattice);
   if (status != FUM_OK) goto done;
   for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
   r->stats.light_s = fum_now_s() - start_s;

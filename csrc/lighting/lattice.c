@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/lattice.h"
 
+#include "lighting/hidden.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -154,6 +156,28 @@ static int32_t collect(fum_context *context, const fum_view *view, const fum_sla
   return FUM_OK;
 }
 
+/* Forgets the marks of samples that the camera can't see. */
+static int32_t unmark_hidden(fum_context *context, const fum_octree *octree, const fum_view *view,
+                             const fum_slabs *slabs, const fum_lattice *lattice, float tolerance, marks *m) {
+  fum_hidden hidden = {0};
+  const int32_t status = fum_hidden_find(context, octree, view, slabs, lattice, tolerance, &hidden);
+  if (status != FUM_OK || hidden.depths == NULL) return status;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic)
+  for (int32_t f = 0; f < lattice->face_count; f++) {
+    const fum_lattice_face *grid = &lattice->faces[f];
+    const int64_t samples = (int64_t)grid->columns * grid->rows;
+    for (int64_t i = 0; i < samples; i++) {
+      const int64_t at = grid->first + i;
+      const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
+      const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
+      if (!is_marked(m, at) || !fum_hidden_ask(&hidden, lattice, f, u, v)) continue;
+      atomic_fetch_and_explicit(&m->words[at / 64], ~(UINT64_C(1) << (at % 64)), memory_order_relaxed);
+    }
+  }
+  fum_hidden_free(context, &hidden);
+  return FUM_OK;
+}
+
 static int32_t light_samples(const fum_gathering *base, const fum_octree *points, const chosen *c, int32_t light_count,
                              const fum_lamp *lamps, fum_lattice *lattice) {
   fum_context *context = base->context;
@@ -192,8 +216,8 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
 }
 
 int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, const fum_gathering *gathering, int32_t light_count,
-                          const fum_lamp *lamps, fum_lattice *out_lattice) {
+                          float footprint_sigmas, float tolerance, const fum_gathering *gathering,
+                          int32_t light_count, const fum_lamp *lamps, fum_lattice *out_lattice) {
   fum_context *context = gathering->context;
   fum_lattice lattice = {.light_count = light_count};
   fum_octree *points = NULL;
@@ -215,6 +239,7 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
     status = fum_alloc(context, values, sizeof *lattice.sent, "lattice of light", &lattice.sent);
   }
   if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
+  if (status == FUM_OK) status = unmark_hidden(context, octree, view, slabs, &lattice, tolerance, &m);
   if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
   if (status == FUM_OK) status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
   if (status == FUM_OK) status = light_samples(gathering, points, &c, light_count, lamps, &lattice);

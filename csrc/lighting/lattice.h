@@ -31,8 +31,8 @@ typedef struct fum_lattice {
 /* Places samples wherever a particle's footprint (in sigmas) comes near, and lights them. `gathering` comes without
  * receivers. */
 int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, const fum_gathering *gathering, int32_t light_count,
-                          const fum_lamp *lamps, fum_lattice *out_lattice);
+                          float footprint_sigmas, float tolerance, const fum_gathering *gathering,
+                          int32_t light_count, const fum_lamp *lamps, fum_lattice *out_lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);
 
 #endif

@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/hidden.h"
+
+#include "octree/beam.h"
+
+static int32_t coarse(int32_t samples) { return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP; }
+
+static int64_t lay_values(const fum_lattice *lattice, int64_t *firsts) {
+  int64_t count = 0;
+  for (int32_t f = 0; f < lattice->face_count; f += FUM_HIDDEN_STEP) {
+    firsts[f] = count;
+    count += (int64_t)coarse(lattice->faces[f].columns) * coarse(lattice->faces[f].rows);
+  }
+  return count;
+}
+
+static void place_points(const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice,
+                         const int64_t *firsts, float *positions) {
+  for (int32_t f = 0; f < lattice->face_count; f += FUM_HIDDEN_STEP) {
+    const fum_lattice_face *grid = &lattice->faces[f];
+    const int32_t columns = coarse(grid->columns), rows = coarse(grid->rows);
+    for (int32_t r = 0; r < rows; r++) {
+      for (int32_t c = 0; c < columns; c++) {
+        double local[3];
+        fum_view_point(view, (double)(grid->origin[0] + grid->spacing[0] * (float)(c * FUM_HIDDEN_STEP)),
+                       (double)(grid->origin[1] + grid->spacing[1] * (float)(r * FUM_HIDDEN_STEP)),
+                       (double)slabs->faces[f].range, local);
+        float *p = positions + 3 * (firsts[f] + (int64_t)r * columns + c);
+        for (int axis = 0; axis < 3; axis++) p[axis] = (float)local[axis];
+      }
+    }
+  }
+}
+
+/* The camera taken for a light. */
+static fum_emitter camera_of(const fum_view *view) {
+  const double *m = view->local_from_camera;
+  return (fum_emitter){.is_directional = view->type == FUM_CAMERA_ORTHOGRAPHIC,
+                       .position = {(float)m[3], (float)m[7], (float)m[11]},
+                       .direction = {(float)m[2], (float)m[6], (float)m[10]}};
+}
+
+static int32_t solve(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_octree *points,
+                     float limit, float *out_depths) {
+  const float rough = 0.01F; /* nobody sees these depths: they are compared with the limit */
+  fum_medium medium = {.octree = octree, .sigma_scale = 1.0F, .depth_scale = 1.0F, .depth_limit = limit + 1.0F};
+  fum_receivers receivers = {0};
+  float *depths = NULL;
+  uint8_t *is_lit = NULL;
+  int32_t status = fum_reach_find(context, octree, rough, 1.0F, 1.0F, &medium.reaches);
+  if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
+  if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *depths, "hidden samples", &depths);
+  if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *is_lit, "hidden samples", &is_lit);
+  if (status != FUM_OK) goto done;
+  for (int64_t i = 0; i < points->count; i++) is_lit[i] = 1;
+  const fum_emitter camera = camera_of(view);
+  status = fum_exact_solve(context, &medium, &receivers, &camera, is_lit, (float[2]){0.0F, 0.0F}, depths);
+  if (status != FUM_OK) goto done;
+  for (int64_t i = 0; i < points->count; i++) out_depths[points->indices[i]] = depths[i];
+done:
+  fum_free(context, &is_lit);
+  fum_free(context, &depths);
+  fum_receivers_free(context, &receivers);
+  fum_free(context, &medium.reaches);
+  return status;
+}
+
+int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                        const fum_lattice *lattice, float tolerance, fum_hidden *out_hidden) {
+  /* What is left of the light behind this depth is a fiftieth of the tolerance. */
+  fum_hidden hidden = {.limit = -logf(0.02F * tolerance)};
+  float *positions = NULL;
+  fum_octree *points = NULL;
+  *out_hidden = hidden;
+  /* Smoke before the clip range hides nothing, but lies between the samples and the camera. */
+  if ((double)slabs->faces[0].range <= view->clip_start * 1.0001) return FUM_OK;
+  int32_t status = fum_alloc(context, lattice->face_count, sizeof *hidden.firsts, "hidden samples", &hidden.firsts);
+  if (status != FUM_OK) goto done;
+  const int64_t count = lay_values(lattice, hidden.firsts);
+  status = fum_alloc(context, count, sizeof *hidden.depths, "hidden samples", &hidden.depths);
+  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *positions, "hidden samples", &positions);
+  if (status != FUM_OK) goto done;
+  place_points(view, slabs, lattice, hidden.firsts, positions);
+  status = fum_octree_build_points(context, octree->origin, count, positions, FUM_GROUP_SIZE, &points);
+  if (status == FUM_OK) status = solve(context, octree, view, points, hidden.limit, hidden.depths);
+  if (status != FUM_OK) goto done;
+  *out_hidden = hidden;
+  hidden = (fum_hidden){0};
+done:
+  fum_octree_destroy(context, points);
+  fum_free(context, &positions);
+  fum_hidden_free(context, &hidden);
+  return status;
+}
+
+void fum_hidden_free(fum_context *context, fum_hidden *hidden) {
+  fum_free(context, &hidden->firsts);
+  fum_free(context, &hidden->depths);
+}
+
+bool fum_hidden_ask(const fum_hidden *hidden, const fum_lattice *lattice, int32_t face, float u, float v) {
+  /* One coarse face further to the front, so that what interpolation takes from a hidden sample is hidden as well. */
+  const int32_t before = face / FUM_HIDDEN_STEP * FUM_HIDDEN_STEP - FUM_HIDDEN_STEP;
+  if (hidden->depths == NULL || before < 0 || lattice->faces[before].columns == 0) return false;
+  const fum_lattice_face *grid = &lattice->faces[before];
+  const int32_t columns = coarse(grid->columns), rows = coarse(grid->rows);
+  const int32_t c0 = (int32_t)floorf((u - grid->origin[0]) / (grid->spacing[0] * FUM_HIDDEN_STEP)) - 1;
+  const int32_t r0 = (int32_t)floorf((v - grid->origin[1]) / (grid->spacing[1] * FUM_HIDDEN_STEP)) - 1;
+  for (int32_t r = r0; r < r0 + 4; r++) {
+    for (int32_t c = c0; c < c0 + 4; c++) {
+      if (r < 0 || c < 0 || r >= rows || c >= columns) return false;
+      if (hidden->depths[hidden->firsts[before] + (int64_t)r * columns + c] < hidden->limit) return false;
+    }
+  }
+  return true;
+}
