@@ -24,6 +24,7 @@ def main() -> None:
     bpy.ops.render.render(write_still=True)
     choose_format(scene, "IMAGE", "PNG")
     scene.render.image_settings.color_mode = "RGBA"
+    scene.render.image_settings.color_depth = "8"
     png_path = scene.render.filepath + ".png"
     bpy.data.images["Render Result"].save_render(png_path, scene=scene)
     with open(os.environ["FUMAROLE_PICTURES"], "w", encoding="utf-8") as pictures:

@@ -17,6 +17,14 @@ _SMOKE = (
 )
 
 
+_DEVICES = (
+    ("AUTO", "Automatic", "The best there is", 0),
+    ("TILES", "Processor", "Smoke is added up in slabs along each pixel and lit everywhere, inside particles too", 2),
+    ("GL", "OpenGL", "Every particle is lit at its centre and drawn as a billboard by the graphics driver: right for "
+     "many small particles, too dark for few large or dense ones", 1),
+)
+
+
 def _smoke_switch() -> EnumProperty:
     return EnumProperty(name="Smoke", description="Whether the particles are drawn as smoke", items=_SMOKE, default=0)
 
@@ -49,6 +57,7 @@ class FumaroleObjectSettings(bpy.types.PropertyGroup):
 class FumaroleSceneSettings(bpy.types.PropertyGroup):
     """How smoke is lit and drawn."""
 
+    device: EnumProperty(name="Device", description="What draws the smoke", items=_DEVICES, default=0)
     tolerance: FloatProperty(
         name="Tolerance",
         description="Relative error that lighting and drawing may cause in the picture. The light that reaches a "

@@ -86,6 +86,7 @@ class FUMAROLE_PT_performance(FumarolePanel, bpy.types.Panel):
         threads = column.column()
         threads.enabled = render.threads_mode == "FIXED"
         threads.prop(render, "threads")
+        column.prop(context.scene.fumarole, "device")
         column.prop(context.scene.fumarole, "leaf_size")
 
 

@@ -18,9 +18,11 @@ _FIELDS = {"FLOAT_VECTOR": "vector", "FLOAT2": "vector", "FLOAT_COLOR": "color",
 
 
 def export_points(
-    owner: bpy.types.Object, matrix: np.ndarray, instance_key: str, warn: Warn
+    owner: bpy.types.Object, matrix: np.ndarray, instance_key: str, radius_scale: float, warn: Warn
 ) -> Particles | None:
     """The points of an evaluated point cloud as particles, or None if there are none.
+
+    `radius_scale` multiplies their radii.
 
     Attributes by name: `radius` (m, without it 0.01), `velocity` (m/s), `id` (whole number), and those that the volume
     material asks for: Principled Volume's density and colour attribute, and Attribute nodes.
@@ -34,7 +36,7 @@ def export_points(
     radii = read_attribute(cloud, "radius")
     if radii is None:
         radii = np.full(count, _DEFAULT_RADIUS, dtype=np.float32)
-    scale = length_scale(matrix) * owner.fumarole.radius_scale
+    scale = length_scale(matrix) * radius_scale
     velocities = read_attribute(cloud, "velocity")
     numbers = read_attribute(cloud, "id")
     volume = read_volume(_material(owner, name, warn), name, warn, lambda wanted: read_attribute(cloud, wanted))

@@ -132,8 +132,10 @@ def _export_object(
     elif owner.type == "LIGHT":
         _add(scene.lights, export_light(owner, matrix, scene.warn))
     elif owner.type == "POINTCLOUD":
-        if owner.fumarole.smoke != "NOT_SMOKE":
-            _add(scene.particles, export_points(owner, matrix, key, scene.warn))
+        # Points of geometry nodes come as a passing object: the settings are those of the object that has the nodes.
+        settings = (instance.instance_object if instance.is_instance else owner).fumarole
+        if settings.smoke != "NOT_SMOKE":
+            _add(scene.particles, export_points(owner, matrix, key, settings.radius_scale, scene.warn))
             _warn_of_visibility(owner, scene)
     elif owner.type == "VOLUME":
         scene.warn(f"Object '{owner.name_full}': volumes aren't drawn yet")
