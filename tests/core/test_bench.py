@@ -118,3 +118,44 @@ def test_wrong_arguments_show_the_usage(arguments: list[str]) -> None:
 def test_missing_file_is_named() -> None:
     done = bench("lighting", "--file", "/nowhere/points.ply")
     assert done.returncode == 1 and "/nowhere/points.ply" in done.stderr
+
+
+def test_reference_writes_the_picture(tmp_path: Path) -> None:
+    """The same camera and lights as `frame`."""
+    path, fast = tmp_path / "reference.exr", tmp_path / "frame.exr"
+    size = ("--particles", 3_000, "--width", 72, "--height", 48)
+    found = row("reference", *size, "--tolerance", 1e-3, "--exr", path)
+    assert (found["particles"], found["width"], found["height"], found["tolerance"]) == (3_000, 72, 48, 1e-3)
+    assert 0 < found["error"] < 1e-3 and found["unconverged"] == 0 and found["steps"] > 1_000 and found["seconds"] > 0
+    row("frame", *size, "--exr", fast)
+    reference, frame = read_exr(path), read_exr(fast)
+    assert set(reference) == {"R", "G", "B", "A"} and reference["A"].shape == (48, 72)
+    assert np.abs(reference["A"] - frame["A"]).max() < 0.02
+
+
+@pytest.mark.parametrize("scene", ["ball", "puff", "six", "mixed", "edge", "plume"])
+def test_image_compares_with_the_reference(scene: str) -> None:
+    count = {"puff": 1, "six": 6}.get(scene, 200)
+    size = ("--particles", count, "--width", 32, "--height", 32, "--every", 4)
+    done = bench("image", "--scene", scene, *size, "--depth", 2, "--reference-tolerance", 1e-3)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [found["light"] for found in rows] == ["side", "front", "behind", "two"]
+    for found in rows:
+        assert (found["scene"], found["particles"], found["depth"]) == (scene, count, 2)
+        assert 0 < found["image_rms_relative"] < 0.7 and abs(found["bias"]) < found["image_rms_relative"] * 1.5
+        assert found["reference_error"] < 1e-3 and {"light_s", "draw_s", "slices", "samples"} <= set(found)
+
+
+def test_image_error_falls_with_the_number_of_particles() -> None:
+    """At a fixed optical depth, whatever lights the particles: it is measured, not assumed."""
+    size = ("--depth", 1, "--width", 32, "--height", 32, "--every", 4, "--reference-tolerance", 1e-3)
+    done = bench("image", "--scene", "ball", "--particles", 20_000, *size)
+    assert done.returncode == 0, done.stderr
+    assert all(json.loads(line)["image_rms_relative"] < 0.03 for line in done.stdout.splitlines())
+
+
+def test_unknown_scenes_and_too_many_puffs_are_named() -> None:
+    for arguments, message in ((("--scene", "fog"), "no scene fog"), (("--scene", "six", "--particles", 7), "at most 6")):
+        done = bench("image", *arguments)
+        assert done.returncode == 1 and message in done.stderr
