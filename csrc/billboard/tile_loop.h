@@ -75,15 +75,18 @@ static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
 
 enum { MAX_LOOK = 3 * 16 + 3, MAX_SPAN = 512 };
 
-/* Rows and columns of the tile that a splat touches; columns widened to whole vectors. */
+/* Rows and columns of the tile that a splat touches; columns widened to the widest vectors, whatever the instruction set:
+ * every set must draw the same pixels. */
+enum { WIDEST_LANES = 16 };
+
 typedef struct patch {
   int32_t x0, x1, y0, y1;
 } patch;
 
 static patch find_patch(const tile *t, const fum_splat *s) {
   patch p = {s->lower[0] - t->x0, s->upper[0] - t->x0, s->lower[1] - t->y0, s->upper[1] - t->y0};
-  p.x0 = (p.x0 < 0 ? 0 : p.x0) / FUM_LANES * FUM_LANES;
-  p.x1 = p.x1 > FUM_TILE ? FUM_TILE : (p.x1 + FUM_LANES - 1) / FUM_LANES * FUM_LANES;
+  p.x0 = (p.x0 < 0 ? 0 : p.x0) / WIDEST_LANES * WIDEST_LANES;
+  p.x1 = p.x1 > FUM_TILE ? FUM_TILE : (p.x1 + WIDEST_LANES - 1) / WIDEST_LANES * WIDEST_LANES;
   p.y0 = p.y0 < 0 ? 0 : p.y0;
   p.y1 = p.y1 > FUM_TILE ? FUM_TILE : p.y1;
   return p;

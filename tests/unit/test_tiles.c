@@ -93,7 +93,7 @@ static void test_instruction_sets_and_threads(void **state) {
       draw(s.scene, &camera, 0.01F, out);
       if (level == 0) assert_memory_equal(out, plain, sizeof plain);
       for (int i = 0; i < 4 * SIDE * SIDE; i++) {
-        if (fabsf(out[i] - plain[i]) > 5e-4F * fabsf(plain[i]) + 1e-6F) {
+        if (fabsf(out[i] - plain[i]) > 2e-4F * fabsf(plain[i]) + 1e-6F) {
           fail_msg("level %d: %.9g is not %.9g", level, (double)out[i], (double)plain[i]);
         }
       }
