@@ -73,7 +73,7 @@ static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
   for (int c = 0; job->glows && c < 3; c++) out[3 * job->class_count + c] = emission[c] / density;
 }
 
-enum { MAX_LOOK = 3 * 16 + 3, MAX_SPAN = 512 };
+enum { MAX_LOOK = 3 * 16 + 3 };
 
 /* Rows and columns of the tile that a splat touches; columns widened to the widest vectors, whatever the instruction set:
  * every set must draw the same pixels. */
@@ -104,18 +104,19 @@ static float *slab_at(const tile *t, float *slabs, int32_t slab, int32_t pixel) 
   return slabs + (int64_t)(slab - t->first_slab) * t->channels * FUM_TILE_PIXELS + pixel;
 }
 
-/* A splat far away against its size and clear of every cut: the share of each slab is the same for all pixels, because
- * the point of a ray nearest to the centre is at the centre's own range but for d^2 / (2 range). */
+/* A splat far away against its size and clear of every cut: the share of each slab is taken to be the same for all pixels.
+ * The point of a ray nearest to the centre is nearer than the centre by d^2 / (2 range), on average width^2 / range. */
 static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look, float *slabs) {
-  float shares[MAX_SPAN + FUM_LANES];
+  float shares[FUM_MAX_SLABS];
   const fum_face *faces = t->job->slabs->faces;
   const float inverse_sigma = 1.0F / s->sigma;
+  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
+  const float range = is_perspective ? s->range - s->width * s->width / s->range : s->range;
   for (int32_t j = first; j <= last; j++) { /* share before the end of slab j */
-    const float z = (faces[j + 1].range - s->range) * inverse_sigma;
+    const float z = (faces[j + 1].range - range) * inverse_sigma;
     shares[j - first] = j == last ? 1.0F : 0.5F * erfcf(-0.70710678F * z);
   }
   for (int32_t j = last; j > first; j--) shares[j - first] -= shares[j - first - 1];
-  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float depth = is_perspective ? -s->center[2] : 1.0F;
   const float uc = s->center[0] / depth, vc = s->center[1] / depth;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
@@ -174,10 +175,9 @@ static void splat_near(const tile *t, const fum_splat *s, int32_t first, int32_t
 /* Slabs that a splat reaches into. */
 static void find_span(const tile *t, const fum_splat *s, int32_t *first, int32_t *last) {
   const fum_slabs *slabs = t->job->slabs;
-  const float reach = 4.0F * s->sigma + 0.5F * s->width * s->width * 16.0F / fmaxf(s->range, s->width);
+  const float reach = s->reach + 0.5F * s->width * s->width * 16.0F / fmaxf(s->range, s->width);
   *first = face_before(slabs, s->range - reach);
   *last = face_before(slabs, s->range + reach);
-  if (*last - *first >= MAX_SPAN) *last = *first + MAX_SPAN - 1;
 }
 
 static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
@@ -189,7 +189,7 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     int32_t first, last;
     find_span(t, s, &first, &last);
     find_look(t->job, t->job->octree->indices[indices[n]], look);
-    const float reach = 4.5F * s->sigma;
+    const float reach = 1.125F * s->reach;
     const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
     const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);
     (is_clear && is_far ? splat_far : splat_near)(t, s, first, last, look, slabs);
@@ -248,16 +248,15 @@ static void add_glow(const tile *t, const float *slab, sums *out) {
 
 /* Is any pixel's smoke in this slab still seen? */
 static bool shows(const float *slab, const sums *s) {
-  const float dark = 12.0F, thin = 1e-7F;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) {
-    if (slab[i] > thin && s->depth[i] < dark) return true;
+    if (slab[i] > FUM_TILE_THIN && s->depth[i] < FUM_TILE_DARK) return true;
   }
   return false;
 }
 
 static void resolve(const tile *t, const float *slabs, float *depths, sums *s) {
   const fum_tile_job *job = t->job;
-  const fum_light_grid grid = {job, t->u, t->v, t->inverse_length, t->far};
+  const fum_light_grid grid = {job, t->u, t->v, t->inverse_length, t->near, t->far};
   fum_slab_light light;
   for (int32_t k = 0; k < t->slab_count; k++) {
     const int32_t j = t->first_slab + k;
