@@ -27,6 +27,18 @@ _STAGES = {
 # Warnings the user has seen in this render or animation.
 _reported: set[str] = set()
 
+_last_stats: core.Stats | None = None
+
+
+def last_stats() -> core.Stats | None:
+    """What the last render did, None before the first one."""
+    return _last_stats
+
+
+def accuracy_text(stats: core.Stats) -> str:
+    """The measured errors of the light in a few words; T is the transmittance to a light."""
+    return f"T within {stats.accuracy_rms:.1g} rms, {stats.accuracy_worst:.1g} worst"
+
 
 @bpy.app.handlers.persistent
 def _forget_warnings(*_arguments: object) -> None:
@@ -87,11 +99,14 @@ class FumaroleEngine(bpy.types.RenderEngine):
             result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), names)
             self._warn([*scene.warnings, *result.warnings])
             self._tell_statistics(result.stats)
+            global _last_stats
+            _last_stats = result.stats
             pixels = {name: result[name] for name in names}
             if not depsgraph.scene.render.film_transparent:
                 _put_over(pixels["Combined"], scene.background)
         finally:
             self._hand_over(layer.name, view, size, pixels)
+        self._stamp(".".join(filter(None, ("fumarole", layer.name, view))), result.stats)
 
     def _camera(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> core.Camera:
         owner = self.camera_override or depsgraph.scene.camera
@@ -109,6 +124,16 @@ class FumaroleEngine(bpy.types.RenderEngine):
                 compat.set_pass_pixels(result.layers[0].passes.find_by_name(name, view), values)
         finally:
             self.end_result(result, cancel=not pixels)
+
+    def _stamp(self, prefix: str, stats: core.Stats) -> None:
+        """Writes the measured accuracy to the metadata of the picture, as `prefix`.transmittance_rms and so on."""
+        rendered = self.get_result()
+        if rendered is None or stats.accuracy_count == 0:
+            return
+        rendered.stamp_data_add_field(f"{prefix}.transmittance_points", str(stats.accuracy_count))
+        for name in ("rms", "p95", "worst", "bias"):
+            value = getattr(stats, f"accuracy_{name}")
+            rendered.stamp_data_add_field(f"{prefix}.transmittance_{name}", f"{value:.3g}")
 
     @contextlib.contextmanager
     def _reporting(self) -> Iterator[None]:
@@ -147,7 +172,8 @@ class FumaroleEngine(bpy.types.RenderEngine):
         self.update_stats(
             "",
             f"{stats.particle_count:,} particles, {stats.light_count} lights, {mebibytes:,.0f} MiB, "
-            f"lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}",
+            f"lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}"
+            + (f", {accuracy_text(stats)}" if stats.accuracy_count else ""),
         )
 
     def _warn(self, warnings: list[str]) -> None:

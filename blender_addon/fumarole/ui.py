@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
-from .engine import FumaroleEngine
+from .engine import FumaroleEngine, last_stats
 from .passes import SWITCHES
 
 # Panels for all engines that show what Fumarole doesn't have, or that the ones below show better.
@@ -49,6 +49,35 @@ class FUMAROLE_PT_lighting(FumarolePanel, bpy.types.Panel):
         column = self.column()
         column.prop(context.scene.fumarole, "tolerance")
         column.prop(context.scene.fumarole, "light_samples")
+
+
+class FUMAROLE_PT_accuracy(FumarolePanel, bpy.types.Panel):
+    """How wrong the light of the last render is, as it was measured."""
+
+    bl_label = "Accuracy"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.column()
+        stats = last_stats()
+        if stats is None or stats.accuracy_count == 0:
+            column.label(text="Not measured yet" if stats is None else "No light in the smoke in view")
+            return
+        column.label(text="Last render: errors of the light's transmittance")
+        rows = column.split(factor=0.4)
+        names, values = rows.column(), rows.column()
+        names.alignment = "RIGHT"
+        for name, value in (
+            ("RMS", f"{stats.accuracy_rms:.2g}"),
+            ("95th percentile", f"{stats.accuracy_p95:.2g}"),
+            ("Worst", f"{stats.accuracy_worst:.2g}"),
+            ("Bias", f"{stats.accuracy_bias:+.2g}"),
+            ("Points", f"{stats.accuracy_count:,}"),
+            ("Refined", f"{stats.refinement_count} times"),
+        ):
+            names.label(text=name)
+            values.label(text=value)
 
 
 class FUMAROLE_PT_artistic(FumarolePanel, bpy.types.Panel):
@@ -174,6 +203,7 @@ def _draw_smoke(column: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -
 _PANELS = (
     FUMAROLE_PT_lighting,
     FUMAROLE_PT_artistic,
+    FUMAROLE_PT_accuracy,
     FUMAROLE_PT_film,
     FUMAROLE_PT_performance,
     FUMAROLE_PT_passes,

@@ -8,12 +8,12 @@
 
 /* The tolerance is for the picture; transmittance to a light is kept within a tenth of it. Half of that may be lost by
  * not hearing far particles, half by ending walks early. */
-static const float TRANSMITTANCE_SHARE = 0.1F;
+float fum_transmittance_error(const fum_settings *settings) { return 0.1F * settings->tolerance; }
 
 int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,
                            fum_lighting *out_lighting) {
   fum_context *context = scene->context;
-  const float error = 0.5F * TRANSMITTANCE_SHARE * settings->tolerance;
+  const float error = 0.5F * fum_transmittance_error(settings);
   fum_lighting lighting = {
       .medium = {.octree = scene->caches->density,
                  .sigma_scale = settings->intersection_scale,

@@ -14,6 +14,9 @@ typedef struct fum_lighting {
   fum_gathering gathering;
 } fum_lighting;
 
+/* Largest error of a receiver's transmittance to a light. */
+float fum_transmittance_error(const fum_settings *settings);
+
 /* `receivers` is the octree of the points to be lit, which are to be grouped into out_lighting->receivers. The scene's
  * caches must be current. */
 int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,

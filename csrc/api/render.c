@@ -6,6 +6,7 @@
 #include "billboard/gl.h"
 #include "billboard/tiles.h"
 #include "lighting/inscatter.h"
+#include "lighting/meter.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
 #include "pass/table.h"
@@ -84,23 +85,62 @@ static fum_viewpoint find_viewpoint(const fum_view *view) {
                          .direction = {(float)m[2], (float)m[6], (float)m[10]}};
 }
 
+static fum_meter_options meter_options(const render *r, const fum_lighting *lighting) {
+  return (fum_meter_options){.octree = r->scene->caches->all,
+                             .medium = &lighting->medium,
+                             .lamp_count = r->scene->light_count,
+                             .lamps = lighting->lamps,
+                             .error = 0.01 * (double)fum_transmittance_error(&r->settings)};
+}
+
+static void note_accuracy(render *r, const fum_accuracy *accuracy) {
+  r->stats.accuracy_count = accuracy->count;
+  r->stats.accuracy_rms = accuracy->rms;
+  r->stats.accuracy_p95 = accuracy->p95;
+  r->stats.accuracy_worst = accuracy->worst;
+  r->stats.accuracy_bias = accuracy->bias;
+}
+
+static int32_t measure_particles(render *r, const fum_meter *meter) {
+  const double allowed = (double)fum_transmittance_error(&r->settings);
+  fum_accuracy accuracy;
+  const int32_t status = fum_meter_read(meter, &accuracy);
+  if (status != FUM_OK) return status;
+  note_accuracy(r, &accuracy);
+  if (accuracy.worst > allowed) {
+    fum_warn(r->context,
+             "light misses the tolerance %g: a particle's transmittance to a light is wrong by %.2g, %.2g are allowed",
+             (double)r->settings.tolerance, accuracy.worst, allowed);
+  }
+  return FUM_OK;
+}
+
 static int32_t light_particles(render *r, float **out_light) {
   const double start_s = fum_now_s();
   const fum_octree *all = r->scene->caches->all;
   fum_lighting lighting = {0};
+  fum_meter meter = {0};
   float *light = NULL;
   int32_t status = fum_alloc(r->context, all->count, 3 * sizeof *light, "light of the particles", &light);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   if (status == FUM_OK) status = fum_receivers_group(r->context, all, &lighting.receivers);
+  const fum_meter_options options = meter_options(r, &lighting);
+  if (status == FUM_OK) status = fum_meter_begin_particles(r->context, &options, &meter);
   if (status != FUM_OK) goto done;
+  lighting.gathering.listen = fum_meter_listen;
+  lighting.gathering.listen_user = &meter;
   const fum_viewpoint viewpoint = find_viewpoint(&r->view);
   status = fum_inscatter(r->scene, &lighting.gathering, lighting.lamps, &viewpoint, light);
+  if (status == FUM_OK) status = measure_particles(r, &meter);
   if (status != FUM_OK) goto done;
+  r->stats.light_points = all->count;
+  r->stats.meter_s = meter.seconds;
   for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
-  r->stats.light_s = fum_now_s() - start_s;
+  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   *out_light = light;
   light = NULL;
 done:
+  fum_meter_end(&meter);
   fum_lighting_end(r->context, &lighting);
   fum_free(r->context, &light);
   return status;
@@ -155,37 +195,115 @@ static int32_t combine_with_gl(render *r) {
   return status;
 }
 
+/* Light as tiles look it up. */
+typedef struct smoke_light {
+  fum_slabs slabs;
+  fum_lattice lattice;
+} smoke_light;
+
+static void smoke_light_free(fum_context *context, smoke_light *light) {
+  fum_lattice_free(context, &light->lattice);
+  fum_slabs_free(context, &light->slabs);
+}
+
+static int32_t light_smoke_once(render *r, const fum_lighting *lighting, float footprint, float thinnest,
+                                float tolerance, smoke_light *out_light) {
+  const fum_octree *all = r->scene->caches->all;
+  smoke_light light = {0};
+  int32_t status = fum_slabs_find(r->context, all, &r->view, tolerance, thinnest, &light.slabs);
+  if (status == FUM_OK && light.slabs.count > 0) {
+    status = fum_lattice_light(all, &r->view, &light.slabs, footprint, tolerance, &lighting->gathering,
+                               r->scene->light_count, lighting->lamps, &light.lattice);
+  }
+  if (status != FUM_OK) {
+    smoke_light_free(r->context, &light);
+    return status;
+  }
+  *out_light = light;
+  return FUM_OK;
+}
+
+/* How much of the tolerance the light takes: above 1 it is missed. The meter's points are what the camera sees, and a
+ * pixel adds up the light of such points: their relative RMS bounds that of the picture. */
+static double share_of_tolerance(const render *r, const fum_accuracy *accuracy) {
+  return accuracy->rms > 0.0 ? accuracy->rms / ((double)r->settings.tolerance * accuracy->level) : 0.0;
+}
+
+static int32_t measure_smoke(render *r, fum_meter *meter, const smoke_light *light, double *out_share) {
+  fum_accuracy accuracy;
+  fum_meter_ask(meter, &light->slabs, &light->lattice);
+  const int32_t status = fum_meter_read(meter, &accuracy);
+  if (status != FUM_OK) return status;
+  note_accuracy(r, &accuracy);
+  *out_share = share_of_tolerance(r, &accuracy);
+  return FUM_OK;
+}
+
+/* Lights the smoke in view, and again in smaller steps if the meter says so. Errors of both kinds of step grow with the
+ * tolerance that they are made for. */
+static int32_t light_smoke(render *r, const fum_lighting *lighting, float footprint, float thinnest, fum_meter *meter,
+                           smoke_light *light) {
+  enum { REFINEMENTS = 2 };
+  double share = 0.0;
+  float tolerance = r->settings.tolerance;
+  int32_t status = light_smoke_once(r, lighting, footprint, thinnest, tolerance, light);
+  if (status != FUM_OK || light->slabs.count == 0) return status;
+  const fum_meter_options options = meter_options(r, lighting);
+  status = fum_meter_begin_points(r->context, &options, &r->view, (double)footprint, r->solid_depths, meter);
+  if (status == FUM_OK) status = measure_smoke(r, meter, light, &share);
+  while (status == FUM_OK && share > 1.0 && r->stats.refinement_count < REFINEMENTS) {
+    smoke_light finer;
+    tolerance *= fmaxf(0.25F, 0.7F / (float)share);
+    status = light_smoke_once(r, lighting, footprint, thinnest, tolerance, &finer);
+    if (status != FUM_OK) break;
+    smoke_light_free(r->context, light);
+    *light = finer;
+    r->stats.refinement_count++;
+    status = measure_smoke(r, meter, light, &share);
+  }
+  if (status == FUM_ERROR_MEMORY && share > 1.0) {
+    fum_warn(r->context, "light can't be found in smaller steps: %s", r->context->error);
+    status = FUM_OK;
+  }
+  if (status == FUM_OK && share > 1.0) {
+    fum_warn(r->context,
+             "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
+             "squares)",
+             (double)r->settings.tolerance, share * (double)r->settings.tolerance);
+  }
+  return status;
+}
+
 /* Light on a lattice, particles added up in slabs. */
 static int32_t combine_with_tiles(render *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = footprint_sigmas(r->settings.tolerance);
   float anisotropies[16];
   fum_lighting lighting = {0};
-  fum_slabs slabs = {0};
-  fum_lattice lattice = {0};
+  fum_meter meter = {0};
+  smoke_light light = {0};
   fum_splats splats = {0};
   fum_tile_job job = {.scene = r->scene,
                       .octree = all,
                       .view = &r->view,
-                      .slabs = &slabs,
+                      .slabs = &light.slabs,
                       .splats = &splats,
-                      .lattice = &lattice,
+                      .lattice = &light.lattice,
                       .solids = r->scene->caches->solids,
                       .solid_shadow_intensity = r->settings.solid_shadow_intensity,
                       .solid_depths = r->solid_depths,
                       .rgba = r->combined};
   double start_s = fum_now_s();
   int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
-  if (status == FUM_OK) status = fum_slabs_find(r->context, all, &r->view, r->settings.tolerance, job.thinnest, &slabs);
-  if (status != FUM_OK || slabs.count == 0) goto done;
-  status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
-  if (status != FUM_OK) goto done;
+  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  if (status == FUM_OK) status = light_smoke(r, &lighting, footprint, job.thinnest, &meter, &light);
+  if (status != FUM_OK || light.slabs.count == 0) goto done;
   job.lamps = lighting.lamps;
-  status = fum_lattice_light(all, &r->view, &slabs, footprint, r->settings.tolerance, &lighting.gathering,
-                             r->scene->light_count, lighting.lamps, &lattice);
-  if (status != FUM_OK) goto done;
+  r->stats.light_points = light.lattice.lit_count;
+  r->stats.slab_count = light.slabs.count;
+  r->stats.meter_s = meter.seconds;
   for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
-  r->stats.light_s = fum_now_s() - start_s;
+  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
   status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
   if (status != FUM_OK) goto done;
@@ -197,8 +315,8 @@ static int32_t combine_with_tiles(render *r) {
   memcpy(r->stats.device, "tiles", sizeof "tiles");
 done:
   fum_splats_free(r->context, &splats);
-  fum_lattice_free(r->context, &lattice);
-  fum_slabs_free(r->context, &slabs);
+  smoke_light_free(r->context, &light);
+  fum_meter_end(&meter);
   fum_lighting_end(r->context, &lighting);
   return status;
 }

@@ -292,6 +292,16 @@ typedef struct fum_render_stats {
   double passes_s;             /**< passes other than Combined */
   double total_s;
   char device[128];            /**< name of what drew, "" when nothing was */
+  int64_t light_points;        /**< points at which light was found: particles, or samples between which it is
+                                    interpolated */
+  int64_t slab_count;          /**< slabs that the smoke in view was cut into; 0 with GL */
+  int64_t refinement_count;    /**< times that light was found anew in smaller steps, because it missed the tolerance */
+  int64_t accuracy_count;      /**< points in the smoke at which light was found again, exactly, and compared; 0: none */
+  double accuracy_rms;         /**< errors there of the transmittance through smoke to a light, 0..1: root mean square... */
+  double accuracy_p95;         /**< ...95 of 100 are smaller than this... */
+  double accuracy_worst;       /**< ...largest... */
+  double accuracy_bias;        /**< ...mean; above 0: too bright */
+  double meter_s;              /**< what finding them took; not in light_s */
 } fum_render_stats;
 
 FUM_API void fum_render_stats_init(fum_render_stats *stats);

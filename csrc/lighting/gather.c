@@ -71,6 +71,7 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     if (status != FUM_OK) break;
     status = fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, depths);
     if (status != FUM_OK) break;
+    if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < count; i++) {
       if (is_lit[i]) out_light[i] += strengths[i] * expf(-depths[i]);

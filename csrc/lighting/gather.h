@@ -9,6 +9,10 @@
 /* What a receiver makes of light that comes from the unit direction `to_light`. */
 typedef float (*fum_response_fn)(const void *user, uint32_t receiver, fum_vec3 to_light);
 
+/* Hears the optical depths that were found for a sample of a light, in receivers' order; only those that are lit count. */
+typedef void (*fum_listen_fn)(void *user, const fum_lamp *lamp, const fum_emitter *sample, const uint8_t *is_lit,
+                              const float *depths);
+
 /* Where the camera sees particles from. */
 typedef struct fum_viewpoint {
   bool is_directional;
@@ -28,6 +32,8 @@ typedef struct fum_gathering {
   const fum_viewpoint *viewpoint; /* of receivers that are particles; NULL: points */
   fum_response_fn response; /* NULL: the light's samples count alike whatever they send; out is a transmittance */
   const void *response_user;
+  fum_listen_fn listen; /* of fum_gather_light; NULL: nobody */
+  void *listen_user;
 } fum_gathering;
 
 /* out_light[i] (receivers' order) += what arrives from the light, as a factor on its colour. */

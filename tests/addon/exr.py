@@ -36,6 +36,11 @@ def read_exr(path: str | Path) -> dict[str, np.ndarray]:
     return pictures
 
 
+def read_metadata(path: str | Path) -> dict[str, bytes]:
+    """Attributes of the file, or of its first part, by name."""
+    return _attributes(Path(path).read_bytes(), 8)[0]
+
+
 def stack(pictures: dict[str, np.ndarray], layer: str, letters: str) -> np.ndarray:
     """The channels `layer`.letter as (height, width, number of letters) float32."""
     prefix = f"{layer}." if layer else ""

@@ -142,6 +142,36 @@ def test_stats_tell_what_was_done() -> None:
     assert core.render(scene, core.Camera(**VIEW)).stats.build_s == 0
 
 
+def lit_cloud() -> core.Scene:
+    scene = core.Scene(core.Context())
+    scene.add_particles(np.random.default_rng(5).normal(0, 0.5, (2000, 3)), radius=0.3, density=1.0)
+    scene.add_light("POINT", matrix=BACK, power=500)
+    return scene
+
+
+def test_accuracy_of_the_light_is_measured() -> None:
+    """The picture's error is at most that of the light: hence the tolerance holds for both."""
+    for tolerance in (0.02, 0.002):
+        result = core.render(lit_cloud(), core.Camera(**VIEW), core.Settings(tolerance=tolerance))
+        stats = result.stats
+        assert 256 <= stats.accuracy_count <= 1024
+        assert 0 < stats.accuracy_rms < min(tolerance, stats.accuracy_worst)
+        assert 0 < stats.accuracy_p95 <= stats.accuracy_worst and abs(stats.accuracy_bias) <= stats.accuracy_rms
+        assert stats.meter_s > 0 and stats.light_points > 0 and stats.slab_count > 0
+        assert not result.warnings
+
+
+def test_accuracy_of_particles_drawn_with_gl() -> None:
+    stats = core.render(lit_cloud(), core.Camera(**VIEW), core.Settings(device="GL")).stats
+    assert stats.light_points == 2000 and stats.accuracy_count == 1024
+    assert 0 < stats.accuracy_rms <= stats.accuracy_worst < 1e-3
+
+
+def test_nothing_is_measured_without_light() -> None:
+    stats = core.render(one_particle(), core.Camera(**VIEW)).stats
+    assert (stats.accuracy_count, stats.accuracy_rms, stats.accuracy_worst) == (0, 0, 0)
+
+
 def test_bits_do_not_depend_on_threads() -> None:
     position = np.random.default_rng(2).normal(0, 0.5, (3000, 3))
     pictures = []

@@ -173,6 +173,15 @@ class fum_render_stats(ctypes.Structure):
         ("passes_s", ctypes.c_double),
         ("total_s", ctypes.c_double),
         ("device", ctypes.c_char * 128),
+        ("light_points", ctypes.c_int64),
+        ("slab_count", ctypes.c_int64),
+        ("refinement_count", ctypes.c_int64),
+        ("accuracy_count", ctypes.c_int64),
+        ("accuracy_rms", ctypes.c_double),
+        ("accuracy_p95", ctypes.c_double),
+        ("accuracy_worst", ctypes.c_double),
+        ("accuracy_bias", ctypes.c_double),
+        ("meter_s", ctypes.c_double),
     ]
 
 

@@ -48,6 +48,24 @@ class Stats:
     total_s: float
     device: str
     """name of what drew, "" when nothing was"""
+    light_points: int
+    """points at which light was found: particles, or samples between which it is interpolated"""
+    slab_count: int
+    """slabs that the smoke in view was cut into; 0 with GL"""
+    refinement_count: int
+    """times that light was found anew in smaller steps, because it missed the tolerance"""
+    accuracy_count: int
+    """points in the smoke at which light was found again, exactly, and compared; 0: none"""
+    accuracy_rms: float
+    """errors there of the transmittance through smoke to a light, 0..1: root mean square..."""
+    accuracy_p95: float
+    """...95 of 100 are smaller than this..."""
+    accuracy_worst: float
+    """...largest..."""
+    accuracy_bias: float
+    """...mean; above 0: too bright"""
+    meter_s: float
+    """what finding them took; not in light_s"""
 
     @classmethod
     def from_struct(cls, struct: _abi.fum_render_stats) -> Stats:

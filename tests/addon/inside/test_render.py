@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 import pytest
 import scenes
-from exr import read_exr, stack
+from exr import read_exr, read_metadata, stack
 from fumarole import core
 
 CLIP_END = 100.0
@@ -93,6 +93,39 @@ def test_settings_reach_the_library(tmp_path: Path) -> None:
     settings.solid_shadow_intensity = 0.0
     unblocked = scenes.render_combined(tmp_path)
     assert blocked[..., :3].sum() < 0.9 * unblocked[..., :3].sum()
+
+
+def test_accuracy_is_in_the_metadata_the_status_and_the_panel(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    from fumarole import engine, ui
+
+    smoke()
+    scenes.render_combined(tmp_path)
+    stats = engine.last_stats()
+    assert stats is not None and stats.accuracy_count > 100 and 0 < stats.accuracy_rms < 0.01
+    metadata = read_metadata(tmp_path / "render.exr")
+    prefix = f"fumarole.{bpy.context.view_layer.name}.transmittance"
+    assert int(metadata[f"{prefix}_points"]) == stats.accuracy_count
+    for name in ("rms", "p95", "worst", "bias"):
+        assert float(metadata[f"{prefix}_{name}"]) == pytest.approx(getattr(stats, f"accuracy_{name}"), rel=0.01)
+    if bpy.app.version < (5, 0, 0):  # later ones don't print the status
+        assert engine.accuracy_text(stats) in printed(capfd)
+    texts: list[str] = []
+
+    class Layout:
+        """Notes labels; whatever it is asked for is another layout."""
+
+        def label(self, text: str) -> None:
+            texts.append(text)
+
+        def column(self) -> Layout:
+            return self
+
+        def split(self, factor: float) -> Layout:
+            return self
+
+    panel = type("Panel", (), {"layout": Layout(), "column": ui.FumarolePanel.column})()
+    ui.FUMAROLE_PT_accuracy.draw(panel, bpy.context)
+    assert f"{stats.accuracy_rms:.2g}" in texts and f"{stats.accuracy_worst:.2g}" in texts
 
 
 def test_background_goes_under_the_smoke_unless_film_is_transparent(tmp_path: Path) -> None:

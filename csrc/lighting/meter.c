@@ -1,0 +1,286 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/meter.h"
+
+#include "base/hash.h"
+
+#include <stdlib.h>
+
+/* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
+ * will be fewer points. Among a million particles a point costs as much as a hundred of the render's: fewer are taken
+ * there. */
+enum { POINTS = 1024, FEWEST_POINTS = 256, ATTEMPTS = 16 };
+
+static int64_t count_points(const fum_octree *octree) {
+  const int64_t affordable = (INT64_C(1) << 28) / (octree->count + 1);
+  return affordable > POINTS ? POINTS : affordable < FEWEST_POINTS ? FEWEST_POINTS : affordable;
+}
+
+static bool is_black(const fum_lamp *lamp) {
+  const float *c = lamp->desc.intensity;
+  return c[0] <= 0.0F && c[1] <= 0.0F && c[2] <= 0.0F;
+}
+
+/* One of `count` particles in the octree's order: each of `part_count` equal parts in turn, any particle of it. */
+static int64_t choose(int64_t n, int64_t part_count, int64_t count) {
+  const double place = ((double)(n % part_count) + fum_hash_unit((uint64_t)n)) / (double)part_count;
+  const int64_t chosen = (int64_t)(place * (double)count);
+  return chosen < count ? chosen : count - 1;
+}
+
+static int32_t begin(fum_context *context, const fum_meter_options *options, int64_t count, fum_meter *meter) {
+  *meter = (fum_meter){.context = context, .lamp_count = options->lamp_count, .lamps = options->lamps};
+  const int64_t values = count * options->lamp_count;
+  int32_t status = fum_truth_begin(context, options->medium, options->error, &meter->truth);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *meter->points, "meter", &meter->points);
+  if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->exact, "meter", &meter->exact);
+  if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->found, "meter", &meter->found);
+  if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->sent, "meter", &meter->sent);
+  return status;
+}
+
+int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options *options, fum_meter *out_meter) {
+  const fum_octree *octree = options->octree;
+  const int64_t affordable = count_points(octree), count = octree->count < affordable ? octree->count : affordable;
+  const double start_s = fum_now_s();
+  fum_meter meter;
+  const int32_t status = begin(context, options, count, &meter);
+  if (status != FUM_OK) {
+    fum_meter_end(&meter);
+    return status;
+  }
+  for (int64_t n = 0; n < count; n++) {
+    const int64_t i = choose(n, count, octree->count);
+    meter.points[n] = (fum_meter_point){.position = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]},
+                                        .receiver = (uint32_t)i};
+  }
+  meter.count = count;
+  meter.seconds = fum_now_s() - start_s;
+  *out_meter = meter;
+  return FUM_OK;
+}
+
+/* Normally distributed numbers (Box and Muller 1958). Returns the length of the vector. */
+static double scatter(uint64_t seed, double out[3]) {
+  double squared = 0.0;
+  for (uint64_t axis = 0; axis < 3; axis++) {
+    const double radius = sqrt(-2.0 * log(1.0 - fum_hash_unit(seed + 2 * axis)));
+    out[axis] = radius * cos(2.0 * FUM_PI * fum_hash_unit(seed + 2 * axis + 1));
+    squared += out[axis] * out[axis];
+  }
+  return sqrt(squared);
+}
+
+/* Moves a point to the middle of its pixel at the same range. False if it isn't seen there. */
+static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_meter_point *point) {
+  double c[3];
+  fum_transform_point(view->camera_from_local, point->position, c);
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const int32_t sizes[2] = {view->width, view->height};
+  int32_t pixels[2];
+  double length = 1.0;
+  if (is_perspective && !(c[2] < 0.0)) return false;
+  point->range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
+  for (int axis = 0; axis < 2; axis++) {
+    const double *edges = view->window + 2 * axis, step = (edges[1] - edges[0]) / sizes[axis];
+    const double place = floor((is_perspective ? c[axis] / -c[2] : c[axis]) / step - edges[0] / step);
+    if (!(place >= 0.0 && place < sizes[axis])) return false;
+    pixels[axis] = (int32_t)place;
+    point->window[axis] = edges[0] + (place + 0.5) * step;
+    length += is_perspective ? point->window[axis] * point->window[axis] : 0.0;
+  }
+  const double depth = point->range / sqrt(length);
+  if (depth < view->clip_start || depth > view->clip_end) return false;
+  if (solid_depths != NULL && depth > (double)solid_depths[(int64_t)pixels[1] * view->width + pixels[0]]) return false;
+  fum_view_point(view, point->window[0], point->window[1], point->range, point->position);
+  return true;
+}
+
+/* How points are looked for. */
+typedef struct search {
+  fum_truth smoke; /* as the camera sees it */
+  const fum_view *view;
+  double footprint_sigmas;
+  const float *solid_depths;
+  struct candidate {
+    bool is_seen;
+    fum_meter_point point;
+  } candidates[POINTS];
+} search;
+
+/* Lets a point pass as often as light passes from it to the camera. */
+static bool passes(const search *s, const fum_meter_point *point, double chance) {
+  const fum_view *view = s->view;
+  const double *w = point->window;
+  const double length = view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(1.0 + w[0] * w[0] + w[1] * w[1]) : 1.0;
+  double start[3];
+  fum_view_point(view, w[0], w[1], view->clip_start * length, start);
+  const fum_emitter camera = {.position = {(float)start[0], (float)start[1], (float)start[2]}};
+  const double limit = -log(1.0 - chance);
+  return fum_truth_depth(&s->smoke, point->position, &camera, limit) <= limit;
+}
+
+static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
+  const fum_octree *octree = s->smoke.octree;
+  /* In steps that share no factor with the number of parts, so that any run of candidates lies everywhere. */
+  const int64_t i = choose(candidate * 397, POINTS, octree->count);
+  const uint64_t seed = fum_hash64((uint64_t)candidate);
+  double offset[3];
+  if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > s->footprint_sigmas) return false;
+  const double center[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
+  for (int axis = 0; axis < 3; axis++) {
+    out_point->position[axis] = center[axis] + offset[axis] / (double)octree->inverse_sigmas[i];
+  }
+  return put_on_pixel(s->view, s->solid_depths, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
+}
+
+static int32_t find_points(fum_meter *meter, search *s) {
+  fum_context *context = meter->context;
+  const int64_t wanted = count_points(s->smoke.octree);
+  int32_t status = FUM_OK;
+  for (int64_t round = 0; round < ATTEMPTS && meter->count < wanted && status == FUM_OK; round++) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 8)
+    for (int64_t n = 0; n < wanted; n++) {
+      if (fum_progress_in_loop(context, n, 16)) continue;
+      s->candidates[n].is_seen = find_point(s, round * wanted + n, &s->candidates[n].point);
+    }
+    for (int64_t n = 0; n < wanted && meter->count < wanted; n++) {
+      if (s->candidates[n].is_seen) meter->points[meter->count++] = s->candidates[n].point;
+    }
+    status = fum_progress_report(context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
+  }
+  return status;
+}
+
+/* Adds a sample of a light at one point; NULL: nothing else than the truth is known. */
+static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter *sample, int64_t n,
+                       const float *found_depth) {
+  const fum_meter_point *point = &meter->points[n];
+  const fum_vec3 place = {(float)point->position[0], (float)point->position[1], (float)point->position[2]};
+  const double sent = (double)fum_emitter_irradiance(lamp, sample, place);
+  const int64_t i = (lamp - meter->lamps) * meter->count + n;
+  if (!(sent > 0.0)) return;
+  meter->sent[i] += sent;
+  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->truth.dark));
+  if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
+}
+
+static int32_t find_exact(fum_meter *meter) {
+#pragma omp parallel for num_threads(fum_thread_count(meter->context)) schedule(dynamic, 8)
+  for (int64_t n = 0; n < meter->count; n++) {
+    for (int32_t l = 0; l < meter->lamp_count; l++) {
+      for (int32_t s = 0; s < meter->lamps[l].sample_count && !is_black(&meter->lamps[l]); s++) {
+        if (fum_progress_in_loop(meter->context, s, 16)) break;
+        const fum_emitter sample = fum_lamp_sample(&meter->lamps[l], s);
+        add_sample(meter, &meter->lamps[l], &sample, n, NULL);
+      }
+    }
+  }
+  return fum_progress_report(meter->context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
+}
+
+int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
+                               double footprint_sigmas, const float *solid_depths, fum_meter *out_meter) {
+  const fum_medium smoke = {.octree = options->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
+  const double start_s = fum_now_s(), rough = 1.0; /* these depths only choose: particles 4 sigmas away may be missed */
+  search *s = NULL;
+  fum_meter meter;
+  int32_t status = begin(context, options, POINTS, &meter);
+  if (status == FUM_OK) status = fum_alloc(context, 1, sizeof *s, "meter", &s);
+  if (status == FUM_OK) status = fum_truth_begin(context, &smoke, rough, &s->smoke);
+  if (status != FUM_OK) goto done;
+  s->view = view;
+  s->footprint_sigmas = footprint_sigmas;
+  s->solid_depths = solid_depths;
+  if (smoke.octree->count > 0) status = find_points(&meter, s);
+  if (status == FUM_OK) status = find_exact(&meter);
+  if (status != FUM_OK) goto done;
+  meter.seconds = fum_now_s() - start_s;
+  *out_meter = meter;
+  meter = (fum_meter){0};
+done:
+  if (s != NULL) fum_truth_end(context, &s->smoke);
+  fum_free(context, &s);
+  fum_meter_end(&meter);
+  return status;
+}
+
+void fum_meter_end(fum_meter *meter) {
+  if (meter->context == NULL) return;
+  fum_truth_end(meter->context, &meter->truth);
+  fum_free(meter->context, &meter->points);
+  fum_free(meter->context, &meter->exact);
+  fum_free(meter->context, &meter->found);
+  fum_free(meter->context, &meter->sent);
+}
+
+void fum_meter_listen(void *user, const fum_lamp *lamp, const fum_emitter *sample, const uint8_t *is_lit,
+                      const float *depths) {
+  fum_meter *meter = user;
+  const double start_s = fum_now_s();
+#pragma omp parallel for num_threads(fum_thread_count(meter->context)) schedule(dynamic, 8)
+  for (int64_t n = 0; n < meter->count; n++) {
+    const uint32_t i = meter->points[n].receiver;
+    if (fum_progress_in_loop(meter->context, n, 16) || !is_lit[i]) continue;
+    add_sample(meter, lamp, sample, n, &depths[i]);
+  }
+  meter->seconds += fum_now_s() - start_s;
+}
+
+static double lattice_depth(const fum_meter *meter, const fum_slabs *slabs, const fum_lattice *lattice, int32_t light,
+                            const fum_meter_point *point) {
+  const fum_lamp *lamp = &meter->lamps[light];
+  const double held = fum_lattice_look_up(lattice, slabs, light, point->window, point->range);
+  if (!fum_lattice_is_per_metre(lamp)) return held;
+  const double x = point->position[0] - (double)lamp->position.x, y = point->position[1] - (double)lamp->position.y;
+  const double z = point->position[2] - (double)lamp->position.z;
+  return held * sqrt(x * x + y * y + z * z);
+}
+
+void fum_meter_ask(fum_meter *meter, const fum_slabs *slabs, const fum_lattice *lattice) {
+  const double start_s = fum_now_s();
+  for (int32_t l = 0; l < meter->lamp_count; l++) {
+    for (int64_t n = 0; n < meter->count; n++) {
+      const int64_t i = l * meter->count + n;
+      meter->found[i] = meter->sent[i] * exp(-lattice_depth(meter, slabs, lattice, l, &meter->points[n]));
+    }
+  }
+  meter->seconds += fum_now_s() - start_s;
+}
+
+static int compare(const void *a, const void *b) {
+  const double x = *(const double *)a, y = *(const double *)b;
+  return (x > y) - (x < y);
+}
+
+int32_t fum_meter_read(const fum_meter *meter, fum_accuracy *out_accuracy) {
+  const int64_t values = meter->count * meter->lamp_count;
+  fum_accuracy a = {0};
+  double *errors = NULL;
+  int64_t n = 0;
+  const int32_t status = fum_alloc(meter->context, values, sizeof *errors, "meter", &errors);
+  if (status != FUM_OK) return status;
+  for (int64_t point = 0; point < meter->count; point++) {
+    bool is_lit = false;
+    for (int64_t i = point; i < values; i += meter->count) {
+      if (!(meter->sent[i] > 0.0)) continue;
+      const double exact = meter->exact[i] / meter->sent[i], error = meter->found[i] / meter->sent[i] - exact;
+      is_lit = true;
+      errors[n++] = fabs(error);
+      a.bias += error;
+      a.rms += error * error;
+      a.level += exact * exact;
+    }
+    a.count += is_lit;
+  }
+  if (n > 0) {
+    qsort(errors, (size_t)n, sizeof *errors, compare);
+    a.bias /= (double)n;
+    a.rms = sqrt(a.rms / (double)n);
+    a.level = sqrt(a.level / (double)n);
+    a.p95 = errors[(n - 1) * 95 / 100];
+    a.worst = errors[n - 1];
+  }
+  *out_accuracy = a;
+  fum_free(meter->context, &errors);
+  return FUM_OK;
+}
