@@ -2,6 +2,7 @@
 #include "billboard/splats.h"
 
 #include "base/vector.h"
+#include "lighting/slabs.h"
 
 /* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
  * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
@@ -93,7 +94,8 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, 
   splat.width = (float)width;
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
-  find_footprint(view, footprint_sigmas * width, &splat);
+  splat.reach = (float)(sigma * fum_footprint(FUM_REACH_SIGMAS, optical_depth));
+  find_footprint(view, fum_footprint(footprint_sigmas, optical_depth) * width, &splat);
   return splat;
 }
 

@@ -8,12 +8,15 @@
 
 enum { FUM_MAX_CLASSES = 16 };
 
+/* A slab of less optical depth than this isn't lit, nor one behind more than that. */
+static const float FUM_TILE_THIN = 1e-10F, FUM_TILE_DARK = 12.0F;
+
 /* The pixels of a tile. */
 typedef struct fum_light_grid {
   const fum_tile_job *job;
-  const float *u, *v;           /* [FUM_TILE] of the window */
-  const float *inverse_length;  /* [FUM_TILE_PIXELS] of (u, v, -1) */
-  const float *far;             /* [FUM_TILE_PIXELS] range at which the ray ends */
+  const float *u, *v;          /* [FUM_TILE] of the window */
+  const float *inverse_length; /* [FUM_TILE_PIXELS] of (u, v, -1) */
+  const float *near, *far;     /* [FUM_TILE_PIXELS] ranges at which the ray begins and ends */
 } fum_light_grid;
 
 /* One light in one slab, for all pixels. */

@@ -32,7 +32,9 @@ static int32_t lay_faces(fum_context *context, const fum_view *view, const fum_s
     fum_lattice_face *grid = &lattice->faces[f];
     grid->first = lattice->sample_count;
     if (!(face->lower[0] < face->upper[0] && face->lower[1] < face->upper[1] && face->spacing > 0.0F)) continue;
-    const double wanted = (double)(is_perspective ? face->spacing / fmaxf(face->range, 1e-3F * face->spacing) : face->spacing);
+    /* Half a unit of the window at most: farther apart, rays near a wide view's edge bunch together. */
+    const double spacing = (double)face->spacing, range = (double)face->range;
+    const double wanted = is_perspective ? spacing / fmax(range, 2.0 * spacing) : spacing;
     int32_t counts[2];
     for (int axis = 0; axis < 2; axis++) counts[axis] = lay_axis(view, face, axis, wanted, grid);
     grid->columns = counts[0];
@@ -93,7 +95,8 @@ static int32_t face_before(const fum_slabs *slabs, double range) {
 static void mark_particle(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                           float footprint_sigmas, const fum_lattice *lattice, int64_t i, marks *m) {
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
-  const double reach = (double)footprint_sigmas / (double)octree->inverse_sigmas[i];
+  const double reach = fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[i]) /
+                       (double)octree->inverse_sigmas[i];
   double c[3];
   fum_transform_point(view->camera_from_local, local, c);
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
@@ -178,6 +181,9 @@ static int32_t unmark_hidden(fum_context *context, const fum_octree *octree, con
   return FUM_OK;
 }
 
+/* Optical depth that nothing is seen through: more would only swing in the interpolation. */
+static const float OPAQUE = 20.0F;
+
 static int32_t light_samples(const fum_gathering *base, const fum_octree *points, const chosen *c, int32_t light_count,
                              const fum_lamp *lamps, fum_lattice *lattice) {
   fum_context *context = base->context;
@@ -201,9 +207,12 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
     status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible, sent);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
+    const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
     for (int64_t i = 0; i < c->count; i++) {
       const int64_t at = base_index + c->samples[points->indices[i]];
-      lattice->depths[at] = depths[i];
+      const fum_vec3 point = {points->x[i], points->y[i], points->z[i]};
+      const float distance = is_per_metre ? fum_length(fum_sub(lamps[l].position, point)) : 1.0F;
+      lattice->depths[at] = fminf(depths[i], OPAQUE) / fmaxf(distance, 1e-20F);
       if (visible != NULL) lattice->visible[at] = visible[i];
       if (sent != NULL) lattice->sent[at] = sent[i];
     }

@@ -12,10 +12,10 @@
 
 /* The samples on one face: a rectangle of them, of which those near smoke are lit. */
 typedef struct fum_lattice_face {
-  float origin[2];  /* window coordinates of sample 0, 0 */
-  float spacing[2]; /* in window coordinates: across, up */
+  float origin[2];       /* window coordinates of sample 0, 0 */
+  float spacing[2];      /* in window coordinates: across, up */
   int32_t columns, rows; /* 0, 0: no samples here */
-  int64_t first;  /* index of sample 0, 0 */
+  int64_t first;         /* index of sample 0, 0 */
 } fum_lattice_face;
 
 typedef struct fum_lattice {
@@ -23,16 +23,22 @@ typedef struct fum_lattice {
   fum_lattice_face *faces; /* [face_count] */
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
-  float *depths;           /* [light_count][sample_count] optical depth to the light */
-  float *visible;          /* the same: share of the light that solids let through; NULL without solids */
-  float *sent;             /* the same: irradiance, as a factor on the light's colour, of area lights; NULL without any */
+  float *depths;  /* [light_count][sample_count] optical depth to the light, or that per metre */
+  float *visible; /* the same: share of the light that solids let through; NULL without solids */
+  float *sent;    /* the same: irradiance, as a factor on the light's colour, of area lights; NULL without any */
 } fum_lattice;
+
+/* Optical depth has a tip at a small light amid smoke, where it is nothing. Divided by the distance to the light it
+ * runs smoothly past it: so it is held for lights with a position and a single sample. */
+static inline bool fum_lattice_is_per_metre(const fum_lamp *lamp) {
+  return lamp->sample_count == 1 && (lamp->desc.type == FUM_LIGHT_POINT || lamp->desc.type == FUM_LIGHT_SPOT);
+}
 
 /* Places samples wherever a particle's footprint (in sigmas) comes near, and lights them. `gathering` comes without
  * receivers. */
 int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, float tolerance, const fum_gathering *gathering,
-                          int32_t light_count, const fum_lamp *lamps, fum_lattice *out_lattice);
+                          float footprint_sigmas, float tolerance, const fum_gathering *gathering, int32_t light_count,
+                          const fum_lamp *lamps, fum_lattice *out_lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);
 
 #endif

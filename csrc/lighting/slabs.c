@@ -11,107 +11,154 @@ typedef struct bin {
   float lower[2], upper[2];
 } bin;
 
-enum { BINS = 2048, MAX_SLABS = 4096 };
+enum { BINS = 2048 };
 
-/* A leaf as seen from the camera. */
-typedef struct seen_leaf {
-  double range, radius; /* m; of a sphere around all its particles' centres */
-  double sigma_max, mass, inverse_square, extinction;
+/* Particles as seen from the camera: a leaf's, or a single one. */
+typedef struct seen {
+  double range, radius; /* m; of a sphere around all their centres... */
+  double reach;         /* ...and how far their smoke reaches out of it */
+  double mass, inverse_square, extinction;
   double center[3]; /* camera space */
-} seen_leaf;
+} seen;
 
-static seen_leaf see_leaf(const fum_octree *octree, const fum_octree_node *node, const fum_view *view, float thinnest) {
-  seen_leaf leaf = {0};
+/* What all leaves share. */
+typedef struct scan {
+  const fum_octree *octree;
+  const fum_view *view;
+  double thinnest;
+  double frame_area; /* m^2 of the frame at unit range, in an orthographic view at any */
+  double extent[2];
+  bin *bins; /* NULL: only the extent is found */
+} scan;
+
+static void see(const scan *s, uint32_t begin, uint32_t count, const double lower[3], const double upper[3],
+                seen *out) {
+  const fum_octree *octree = s->octree;
   double middle[3], volume = 1.0, squared = 0.0, mean_sigma = 0.0;
-  for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
+  *out = (seen){0};
+  for (uint32_t i = begin; i < begin + count; i++) {
     const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-    const double mass = (double)fmaxf(octree->optical_depths[i], thinnest) * 2.0 * FUM_PI * sigma * sigma;
-    leaf.mass += mass;
-    leaf.inverse_square += mass / (sigma * sigma);
-    leaf.sigma_max = fmax(leaf.sigma_max, sigma);
-    mean_sigma += sigma / node->count;
+    const double mass = fmax((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
+    mean_sigma += sigma / count;
+    if (!(mass > 0.0)) continue;
+    out->mass += mass;
+    out->inverse_square += mass / (sigma * sigma);
+    out->reach = fmax(out->reach, sigma * fum_footprint(FUM_REACH_SIGMAS, (double)octree->optical_depths[i]));
   }
   for (int axis = 0; axis < 3; axis++) {
-    const double side = (double)node->upper[axis] - (double)node->lower[axis];
-    middle[axis] = 0.5 * ((double)node->upper[axis] + (double)node->lower[axis]);
+    const double side = upper[axis] - lower[axis];
+    middle[axis] = 0.5 * (upper[axis] + lower[axis]);
     squared += 0.25 * side * side;
     /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
     volume *= side + FUM_SQRT_2PI * mean_sigma;
   }
-  fum_transform_point(view->camera_from_local, middle, leaf.center);
-  const double *c = leaf.center;
-  leaf.range = view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
-  leaf.radius = sqrt(squared);
-  leaf.extinction = leaf.mass / volume;
-  return leaf;
+  fum_transform_point(s->view->camera_from_local, middle, out->center);
+  const double *c = out->center;
+  out->range = s->view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
+  out->radius = sqrt(squared);
+  out->extinction = out->mass / volume;
 }
 
-/* Is a sphere of this radius between the sides of the frame and in front of the camera? */
-static bool is_in_view(const fum_view *view, const seen_leaf *leaf, double radius) {
-  if (-leaf->center[2] + radius < view->clip_start || leaf->range - radius > view->clip_end * 8.0) return false;
-  float lower[2], upper[2];
-  fum_view_cover(view, leaf->center, radius, lower, upper);
-  return lower[0] < upper[0] && lower[1] < upper[1];
-}
-
-/* Sigmas around a particle within which it is looked at. */
-static const double REACH_SIGMAS = 4.0;
-
-static void find_extent(const fum_octree *octree, const fum_view *view, float thinnest, double extent[2]) {
-  extent[0] = INFINITY;
-  extent[1] = -INFINITY;
-  for (int64_t n = 0; n < octree->node_count; n++) {
-    if (octree->nodes[n].children != 0) continue;
-    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view, thinnest);
-    const double reach = leaf.radius + REACH_SIGMAS * leaf.sigma_max;
-    if (!(leaf.mass > 0.0) || !is_in_view(view, &leaf, reach)) continue;
-    extent[0] = fmin(extent[0], leaf.range - reach);
-    extent[1] = fmax(extent[1], leaf.range + reach);
-  }
-  extent[0] = fmax(extent[0], view->clip_start);
-}
-
-static void fill_bins(const fum_octree *octree, const fum_view *view, float thinnest, const double extent[2], bin *bins) {
-  const double bins_per_metre = BINS / (extent[1] - extent[0]);
-  for (int64_t n = 0; n < octree->node_count; n++) {
-    if (octree->nodes[n].children != 0) continue;
-    const seen_leaf leaf = see_leaf(octree, &octree->nodes[n], view, thinnest);
-    const double reach = leaf.radius + REACH_SIGMAS * leaf.sigma_max;
-    if (!(leaf.mass > 0.0) || !is_in_view(view, &leaf, reach)) continue;
-    float lower[2], upper[2];
-    fum_view_cover(view, leaf.center, reach, lower, upper);
-    const int first = (int)fmin(BINS - 1, fmax(0.0, (leaf.range - reach - extent[0]) * bins_per_metre));
-    const int last = (int)fmin(BINS - 1, fmax(0.0, (leaf.range + reach - extent[0]) * bins_per_metre));
-    const double share = 1.0 / (last - first + 1), sigma = sqrt(leaf.mass / leaf.inverse_square);
-    for (int b = first; b <= last; b++) {
-      bins[b].mass += leaf.mass * share;
-      bins[b].inverse_sigma += leaf.inverse_square * share;
-      bins[b].thickness += leaf.mass * share * leaf.extinction * sigma;
-      for (int axis = 0; axis < 2; axis++) {
-        bins[b].lower[axis] = fminf(bins[b].lower[axis], lower[axis]);
-        bins[b].upper[axis] = fmaxf(bins[b].upper[axis], upper[axis]);
-      }
+static void fill_bins(scan *s, const seen *of, double reach, const float lower[2], const float upper[2]) {
+  const double bins_per_metre = BINS / (s->extent[1] - s->extent[0]);
+  const double from = fmax(of->range - reach, s->extent[0]), to = fmin(of->range + reach, s->extent[1]);
+  if (!(from < to)) return;
+  const int first = (int)fmin(BINS - 1, fmax(0.0, (from - s->extent[0]) * bins_per_metre));
+  const int last = (int)fmin(BINS - 1, fmax(0.0, (to - s->extent[0]) * bins_per_metre));
+  /* Only what is in the frame counts: a fog around the scene must not outweigh the scene. */
+  const double distance = s->view->type == FUM_CAMERA_PERSPECTIVE ? 0.5 * (from + to) : 1.0;
+  const double area = fmin(1.0, s->frame_area * distance * distance / (4.0 * reach * reach));
+  const double share = area * (to - from) / (2.0 * reach) / (last - first + 1),
+               sigma = sqrt(of->mass / of->inverse_square);
+  for (int b = first; b <= last; b++) {
+    s->bins[b].mass += of->mass * share;
+    s->bins[b].inverse_sigma += of->inverse_square * share;
+    s->bins[b].thickness += of->mass * share * of->extinction * sigma;
+    for (int axis = 0; axis < 2; axis++) {
+      s->bins[b].lower[axis] = fminf(s->bins[b].lower[axis], lower[axis]);
+      s->bins[b].upper[axis] = fmaxf(s->bins[b].upper[axis], upper[axis]);
     }
   }
+}
+
+/* Takes in what is between the sides of the frame and in front of the camera. */
+static void take(scan *s, const seen *of) {
+  const double reach = of->radius + of->reach;
+  float lower[2], upper[2];
+  if (!(of->mass > 0.0) || -of->center[2] + reach < s->view->clip_start) return;
+  fum_view_cover(s->view, of->center, reach, lower, upper);
+  if (lower[0] >= upper[0] || lower[1] >= upper[1]) return;
+  if (s->bins != NULL) {
+    fill_bins(s, of, reach, lower, upper);
+    return;
+  }
+  s->extent[0] = fmin(s->extent[0], of->range - reach);
+  s->extent[1] = fmax(s->extent[1], of->range + reach);
+}
+
+/* Goes through the leaves; those that are large against their particles, particle by particle. */
+static void scan_leaves(scan *s) {
+  const double sparse = 8.0;
+  for (int64_t n = 0; n < s->octree->node_count; n++) {
+    const fum_octree_node *node = &s->octree->nodes[n];
+    if (node->children != 0) continue;
+    double lower[3], upper[3];
+    seen of;
+    for (int axis = 0; axis < 3; axis++) {
+      lower[axis] = (double)node->lower[axis];
+      upper[axis] = (double)node->upper[axis];
+    }
+    see(s, node->begin, node->count, lower, upper, &of);
+    if (of.radius * of.radius * of.inverse_square <= sparse * sparse * of.mass) {
+      take(s, &of);
+      continue;
+    }
+    for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
+      const double at[3] = {(double)s->octree->x[i], (double)s->octree->y[i], (double)s->octree->z[i]};
+      see(s, i, 1, at, at, &of);
+      take(s, &of);
+    }
+  }
+}
+
+/* Longest (u, v, -1) of the frame. */
+static double longest_ray(const fum_view *view) {
+  if (view->type != FUM_CAMERA_PERSPECTIVE) return 1.0;
+  const double *w = view->window;
+  return hypot(1.0, hypot(fmax(fabs(w[0]), fabs(w[1])), fmax(fabs(w[2]), fabs(w[3]))));
+}
+
+static void find_extent(scan *s) {
+  s->extent[0] = INFINITY;
+  s->extent[1] = -INFINITY;
+  scan_leaves(s);
+  s->extent[0] = fmax(s->extent[0], s->view->clip_start);
+  s->extent[1] = fmin(s->extent[1], s->view->clip_end * longest_ray(s->view));
 }
 
 /* Steps in sigmas that keep the error of the picture below the tolerance, fitted to measurements against brute force
  * (docs/ACCURACY.md): 1.6 % sqrt(K sigma) step^2 for the slabs, 2 % sqrt(K sigma) step^3 for light sampled on a
  * square lattice and interpolated cubically. Each gets half of the tolerance. */
 static double slab_step(double thickness, double tolerance) {
-  return fmin(3.0, fmax(0.25, sqrt(0.5 * tolerance / (0.016 * sqrt(thickness)))));
+  return fmin(2.5, fmax(0.06, sqrt(0.5 * tolerance / (0.016 * sqrt(thickness)))));
 }
 
 static double light_step(double thickness, double tolerance) {
-  return fmin(2.0, fmax(0.25, cbrt(0.5 * tolerance / (0.020 * sqrt(thickness)))));
+  return fmin(2.0, fmax(0.10, cbrt(0.5 * tolerance / (0.020 * sqrt(thickness)))));
 }
 
-static fum_face make_face(const bin *b, double range, double tolerance, double *out_step) {
+static double thickness_of(const bin *b) {
+  return fmax(1e-6, b->thickness / b->mass);
+}
+
+static double sigma_of(const bin *b) {
+  return sqrt(b->mass / b->inverse_sigma);
+}
+
+static fum_face make_face(const bin *b, double range, double tolerance) {
   fum_face face = {.range = (float)range, .lower = {INFINITY, INFINITY}, .upper = {-INFINITY, -INFINITY}};
   if (!(b->mass > 0.0)) return face;
-  const double sigma = sqrt(b->mass / b->inverse_sigma), thickness = fmax(1e-6, b->thickness / b->mass);
-  *out_step = slab_step(thickness, tolerance) * sigma;
-  face.spacing = (float)(light_step(thickness, tolerance) * sigma);
+  face.spacing = (float)(light_step(thickness_of(b), tolerance) * sigma_of(b));
   for (int axis = 0; axis < 2; axis++) {
     face.lower[axis] = b->lower[axis];
     face.upper[axis] = b->upper[axis];
@@ -119,20 +166,49 @@ static fum_face make_face(const bin *b, double range, double tolerance, double *
   return face;
 }
 
-static int32_t place_faces(const bin *bins, const double extent[2], float tolerance, fum_face *faces) {
+/* Slabs a metre in every bin. When they would be too many, all are stretched alike. */
+static void find_frequencies(const bin *bins, double metres_per_bin, double tolerance, double *out) {
+  double wanted = 0.0;
+  for (int b = 0; b < BINS; b++) {
+    out[b] = bins[b].mass > 0.0 ? 1.0 / (slab_step(thickness_of(&bins[b]), tolerance) * sigma_of(&bins[b])) : 0.0;
+    wanted += out[b] * metres_per_bin;
+  }
+  const double most = FUM_MAX_SLABS - BINS; /* the rest is for the ends of gaps */
+  for (int b = 0; b < BINS && wanted > most; b++)
+    out[b] *= most / wanted;
+}
+
+/* The next face behind `range`: a slab away, or where a gap begins or ends. */
+static double next_range(const double *frequencies, double start, double metres_per_bin, double range) {
+  int b = (int)fmin(BINS - 1, fmax(0.0, (range - start) / metres_per_bin));
+  double left = 1.0;
+  if (!(frequencies[b] > 0.0)) {
+    while (b < BINS && !(frequencies[b] > 0.0))
+      b++;
+    return start + b * metres_per_bin;
+  }
+  for (; b < BINS && frequencies[b] > 0.0; b++) {
+    const double end = start + (b + 1) * metres_per_bin, slabs = fmax(0.0, end - range) * frequencies[b];
+    if (slabs >= left) return range + left / frequencies[b];
+    left -= slabs;
+    range = fmax(range, end);
+  }
+  return range;
+}
+
+static int32_t place_faces(const bin *bins, const double extent[2], float tolerance, double *frequencies,
+                           fum_face *faces) {
   const double metres_per_bin = (extent[1] - extent[0]) / BINS;
   double range = extent[0];
   int32_t count = 0;
-  while (range < extent[1] && count < MAX_SLABS) {
+  find_frequencies(bins, metres_per_bin, (double)tolerance, frequencies);
+  while (range < extent[1] && count < FUM_MAX_SLABS) {
     const int b = (int)fmin(BINS - 1, fmax(0.0, (range - extent[0]) / metres_per_bin));
-    double step = metres_per_bin;
-    faces[count++] = make_face(&bins[b], range, (double)tolerance, &step);
-    range += fmax(step, (extent[1] - extent[0]) / (MAX_SLABS - 1));
-    /* One slab for a stretch without smoke. */
-    if (bins[b].mass > 0.0) continue;
-    for (int next = b + 1; next < BINS && !(bins[next].mass > 0.0); next++) {
-      range = extent[0] + (next + 1) * metres_per_bin;
-    }
+    faces[count] = make_face(&bins[b], range, (double)tolerance);
+    /* Ranges are held in single precision: no two faces may fall together. */
+    range = fmax(next_range(frequencies, extent[0], metres_per_bin, range),
+                 (double)nextafterf(faces[count].range, INFINITY));
+    count++;
   }
   faces[count] = (fum_face){(float)fmax(range, extent[1]), 0.0F, {INFINITY, INFINITY}, {-INFINITY, -INFINITY}};
   return count;
@@ -142,12 +218,15 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
                        float thinnest, fum_slabs *out_slabs) {
   bin *bins = NULL;
   fum_face *faces = NULL;
-  double extent[2];
-  find_extent(octree, view, thinnest, extent);
+  double *frequencies = NULL;
+  const double *w = view->window;
+  scan s = {.octree = octree, .view = view, .thinnest = (double)thinnest, .frame_area = (w[1] - w[0]) * (w[3] - w[2])};
+  find_extent(&s);
   *out_slabs = (fum_slabs){0};
-  if (!(extent[0] < extent[1])) return FUM_OK;
+  if (!(s.extent[0] < s.extent[1])) return FUM_OK;
   int32_t status = fum_alloc(context, BINS, sizeof *bins, "slabs", &bins);
-  if (status == FUM_OK) status = fum_alloc(context, MAX_SLABS + 1, sizeof *faces, "slabs", &faces);
+  if (status == FUM_OK) status = fum_alloc(context, FUM_MAX_SLABS + 1, sizeof *faces, "slabs", &faces);
+  if (status == FUM_OK) status = fum_alloc(context, BINS, sizeof *frequencies, "slabs", &frequencies);
   if (status != FUM_OK) goto done;
   for (int b = 0; b < BINS; b++) {
     for (int axis = 0; axis < 2; axis++) {
@@ -155,14 +234,18 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
       bins[b].upper[axis] = -INFINITY;
     }
   }
-  fill_bins(octree, view, thinnest, extent, bins);
-  out_slabs->count = place_faces(bins, extent, tolerance, faces);
+  s.bins = bins;
+  scan_leaves(&s);
+  out_slabs->count = place_faces(bins, s.extent, tolerance, frequencies, faces);
   out_slabs->faces = faces;
   faces = NULL;
 done:
+  fum_free(context, &frequencies);
   fum_free(context, &faces);
   fum_free(context, &bins);
   return status;
 }
 
-void fum_slabs_free(fum_context *context, fum_slabs *slabs) { fum_free(context, &slabs->faces); }
+void fum_slabs_free(fum_context *context, fum_slabs *slabs) {
+  fum_free(context, &slabs->faces);
+}

@@ -7,6 +7,8 @@
 #include "octree/octree.h"
 #include "scene/view.h"
 
+enum { FUM_MAX_SLABS = 4096 };
+
 /* A face: where it is, how closely light must be sampled on it, and which part of it has smoke near. */
 typedef struct fum_face {
   float range;    /* m */
@@ -16,12 +18,23 @@ typedef struct fum_face {
 } fum_face;
 
 typedef struct fum_slabs {
-  int32_t count; /* slabs; 0 when no smoke is in view */
+  int32_t count;   /* slabs; 0 when no smoke is in view */
   fum_face *faces; /* [count + 1], nearest first */
 } fum_slabs;
 
-/* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a particle
- * counts at least (above 0 where it may glow without absorbing). */
+/* Sigmas around a thin particle within which its smoke is looked at. */
+static const double FUM_REACH_SIGMAS = 4.0;
+
+/* The footprint, in sigmas, of a particle of this optical depth, when `sigmas` is that of a thin one. What lies outside
+ * of it is a share of the area that the particle darkens, and that grows with the logarithm of its optical depth only.
+ */
+static inline double fum_footprint(double sigmas, double optical_depth) {
+  if (!(optical_depth > 1.0)) return sigmas;
+  return sqrt(sigmas * sigmas + 2.0 * log(optical_depth / (1.0 + log(optical_depth))));
+}
+
+/* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a
+ * particle counts at least (above 0 where it may glow without absorbing). */
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
                        float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
