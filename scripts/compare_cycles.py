@@ -7,7 +7,8 @@ The smoke is a few Gaussians written in shader nodes: the density of a Principle
 volume bounces Cycles gives single scattering, with noise. Several renders with different seeds tell how much noise: what
 is left of the difference when pixels are averaged must be as small as that noise allows.
 
-Prints a JSON line and writes FOLDER/cycles_and_reference.png: Cycles, the reference, and their difference, enlarged.
+Prints a JSON line and writes FOLDER/cycles_and_reference.png: Cycles, the reference, and their difference by pixels and
+by squares of pixels, enlarged.
 """
 
 from __future__ import annotations
@@ -207,9 +208,11 @@ def compare(renders: np.ndarray, reference: np.ndarray) -> dict[str, float | lis
 
 
 def write_strip(path: Path, cycles: np.ndarray, reference: np.ndarray, scale: int = 4) -> None:
-    """Both pictures and 10 times their difference around grey, side by side."""
+    """Both pictures, and 10 times their difference around grey: of pixels and of squares of 8 x 8 pixels."""
     white = reference[..., :3].max()
-    views = [cycles[..., :3] / white, reference[..., :3] / white, 0.18 + 10 * (cycles - reference)[..., :3] / white]
+    difference = (cycles - reference)[..., :3] * 10 / white + 0.18
+    squares = blocks(difference, 8).repeat(8, axis=0).repeat(8, axis=1)
+    views = [cycles[..., :3] / white, reference[..., :3] / white, difference, squares]
     strip = np.clip(np.concatenate(views, axis=1), 0, 1).repeat(scale, axis=0).repeat(scale, axis=1)
     encoded = np.where(strip <= 0.0031308, 12.92 * strip, 1.055 * strip ** (1 / 2.4) - 0.055)
     height, width = strip.shape[:2]
@@ -220,10 +223,11 @@ def write_strip(path: Path, cycles: np.ndarray, reference: np.ndarray, scale: in
 
 
 def main(folder: Path) -> None:
-    size, samples, runs = 64, 64, 12
+    size, samples, runs = 64, 64, 16
     folder.mkdir(parents=True, exist_ok=True)
-    build_blender_scene(size, step=0.025)
-    renders = np.stack([render_cycles(samples, seed) for seed in range(runs)])
+    build_blender_scene(size, step=0.05)
+    # seeds far from each other: neighbouring ones share noise
+    renders = np.stack([render_cycles(samples, 1001 * run + 7) for run in range(runs)])
     reference = render_reference(size)
     write_strip(folder / "cycles_and_reference.png", renders.mean(axis=0), reference)
     print(json.dumps({"blender": bpy.app.version_string, "samples": samples * runs, **compare(renders, reference)}))

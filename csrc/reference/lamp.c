@@ -218,13 +218,31 @@ void fum_reference_lamp_visit(const fum_reference_lamp *lamp, const double point
   }
 }
 
+/* Where a line enters and leaves a spot's cone: local z^2 = cos^2 |p|^2. Gives how many. */
+static int cone_breaks(const fum_reference_lamp *lamp, const double to_light[3], const double direction[3],
+                       double out[2]) {
+  const double cosine = cos(0.5 * (double)lamp->desc->spot_angle), square = cosine * cosine;
+  double p[3], u[3];
+  for (int row = 0; row < 3; row++) {
+    p[row] = -dot(lamp->local_from_world[row], to_light);
+    u[row] = dot(lamp->local_from_world[row], direction);
+  }
+  const double a = u[2] * u[2] - square * dot(u, u), b = u[2] * p[2] - square * dot(u, p);
+  const double c = p[2] * p[2] - square * dot(p, p), root = sqrt(fmax(b * b - a * c, 0.0));
+  if (!(b * b > a * c) || a == 0.0) return 0;
+  out[0] = (-b - root) / a;
+  out[1] = (-b + root) / a;
+  return 2;
+}
+
 int fum_reference_lamp_breaks(const fum_reference_lamp *lamp, const double start[3], const double direction[3],
-                              double out_breaks[3]) {
+                              double out_breaks[FUM_LAMP_BREAKS]) {
   if (lamp->desc->type == FUM_LIGHT_SUN) return 0;
   const double d[3] = {lamp->position[0] - start[0], lamp->position[1] - start[1], lamp->position[2] - start[2]};
   int count = 0;
   out_breaks[count++] = dot(d, direction);
   if (lamp->desc->type == FUM_LIGHT_POINT) return count;
+  if (lamp->desc->type == FUM_LIGHT_SPOT) count += cone_breaks(lamp, d, direction, out_breaks + count);
   const double facing = dot(direction, lamp->back), behind = dot(d, lamp->back), sine = 1.0 - facing * facing;
   if (sine > 1e-12) out_breaks[count++] = (dot(d, direction) - facing * behind) / sine;
   if (fabs(facing) > 1e-12) out_breaks[count++] = behind / facing;

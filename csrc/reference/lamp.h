@@ -30,9 +30,10 @@ fum_reference_lamp fum_reference_lamp_make(const fum_light_desc *desc, const dou
  * their size stays small against the distance. */
 void fum_reference_lamp_visit(const fum_reference_lamp *lamp, const double point[3], fum_shine_fn visit, void *user);
 
-/* Parameters along start + t direction at which the light may change abruptly: nearest to it, nearest to its axis, and
- * in its plane. Gives how many, at most 3. */
+/* Parameters along start + t direction at which the light may change abruptly: nearest to it, nearest to its axis, in
+ * its plane, at the rim of its cone. Gives how many. */
+enum { FUM_LAMP_BREAKS = 5 };
 int fum_reference_lamp_breaks(const fum_reference_lamp *lamp, const double start[3], const double direction[3],
-                              double out_breaks[3]);
+                              double out_breaks[FUM_LAMP_BREAKS]);
 
 #endif

@@ -229,7 +229,7 @@ static bool make_panels(fum_ray *ray) {
       return false;
   }
   for (int32_t i = 0; i < ray->world->lamp_count; i++) {
-    double breaks[3];
+    double breaks[FUM_LAMP_BREAKS];
     const int count = fum_reference_lamp_breaks(&ray->world->lamps[i], ray->way.start, ray->way.direction, breaks);
     for (int k = 0; k < count; k++) {
       if (!break_at(ray, breaks[k])) return false;

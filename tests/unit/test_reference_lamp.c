@@ -150,13 +150,19 @@ static void test_disc_and_spread(void **state) {
 static void test_breaks(void **state) {
   (void)state;
   fum_light_desc desc = make_light(FUM_LIGHT_SPOT);
+  desc.spot_angle = (float)(PI / 2.0); /* x^2 + y^2 = (1 - z)^2 */
   const double origin[3] = {0.0, 0.0, 0.0}, start[3] = {-3.0, 0.5, 0.0}, along[3] = {0.8, 0.0, 0.6};
   const fum_reference_lamp lamp = fum_reference_lamp_make(&desc, origin, 1);
-  double breaks[3];
-  assert_int_equal(fum_reference_lamp_breaks(&lamp, start, along, breaks), 3);
+  double breaks[FUM_LAMP_BREAKS];
+  assert_int_equal(fum_reference_lamp_breaks(&lamp, start, along, breaks), 5);
   assert_close(breaks[0], 3.0 * 0.8 + 0.6, 1e-12); /* nearest to the light */
-  assert_close(breaks[1], 3.0 / 0.8, 1e-12);       /* nearest to its axis x = 0, y = 0 */
-  assert_close(breaks[2], 1.0 / 0.6, 1e-12);       /* in its plane z = 1 */
+  for (int i = 1; i < 3; i++) {
+    const double x = start[0] + breaks[i] * along[0], z = breaks[i] * along[2];
+    assert_close(x * x + 0.25, (1.0 - z) * (1.0 - z), 1e-6);
+  }
+  assert_true(fabs(breaks[1] - breaks[2]) > 0.1);
+  assert_close(breaks[3], 3.0 / 0.8, 1e-12); /* nearest to its axis x = 0, y = 0 */
+  assert_close(breaks[4], 1.0 / 0.6, 1e-12); /* in its plane z = 1 */
 }
 
 int main(void) {
