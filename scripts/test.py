@@ -110,6 +110,7 @@ def stages(everything: bool) -> list[Stage]:
     listed = [
         ctest("release"),
         pytest("Python core", "core"),
+        pytest("Stability", "stability"),
         pytest("Blender 3.4", "addon", "--blender", "3.4"),
     ]
     if everything:
