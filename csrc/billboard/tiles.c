@@ -57,6 +57,9 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_
 int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
   const int64_t tiles = (int64_t)job->splats->columns * job->splats->rows;
   const fum_tile_fn render_tile = fum_tile_get();
+  /* Said here once: with few tiles the other threads may take them all. */
+  const int32_t status = fum_progress_report(context, FUM_STAGE_DRAWING, 0.0F, "Drawing tiles");
+  if (status != FUM_OK) return status;
   atomic_int_least64_t tiles_done = 0;
   atomic_bool is_out_of_memory = false;
 #pragma omp parallel num_threads(fum_thread_count(context))

@@ -134,6 +134,9 @@ static int32_t render_pixels(render *r) {
   const fum_reference_world world = {
       context, &r->smoke, r->solids, r->lamps, r->scene->light_count, r->settings.tolerance};
   const int64_t count = pixel_count(r);
+  /* Said here once: with few pixels the other threads may take them all. */
+  const int32_t status = fum_progress_report(context, FUM_STAGE_DRAWING, 0.0F, "Marching rays");
+  if (status != FUM_OK) return status;
   int64_t steps = 0, unconverged = 0;
   atomic_int_least64_t done = 0;
   atomic_bool is_out_of_memory = false;
