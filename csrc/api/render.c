@@ -223,12 +223,10 @@ static int32_t light_smoke_once(render *r, const fum_lighting *lighting, float f
   return FUM_OK;
 }
 
-/* How much of what is allowed the light's error takes: above 1 it is missed. The meter's points are what the camera sees,
- * and a pixel adds up the light of such points, so that their relative RMS bounds that of the picture. Errors along a ray
- * partly cancel: points may be wrong by one and a half tolerances (pictures of the balls in `bench image` are wrong by a
- * third to a half of their points, but for a bias that isn't the lattice's). */
+/* How much of the tolerance the light takes: above 1 it is missed. The meter's points are what the camera sees, and a
+ * pixel adds up the light of such points, so that their relative RMS is about the most that the picture's can be. */
 static double share_of_tolerance(const render *r, const fum_accuracy *accuracy) {
-  return accuracy->rms > 0.0 ? accuracy->rms / (1.5 * (double)r->settings.tolerance * accuracy->level) : 0.0;
+  return accuracy->rms > 0.0 ? accuracy->rms / ((double)r->settings.tolerance * accuracy->level) : 0.0;
 }
 
 static int32_t measure_smoke(render *r, fum_meter *meter, const smoke_light *light, double *out_share) {
@@ -271,7 +269,7 @@ static int32_t light_smoke(render *r, const fum_lighting *lighting, float footpr
     fum_warn(r->context,
              "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
              "squares)",
-             (double)r->settings.tolerance, 1.5 * share * (double)r->settings.tolerance);
+             (double)r->settings.tolerance, share * (double)r->settings.tolerance);
   }
   return status;
 }
