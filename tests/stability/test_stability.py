@@ -8,7 +8,8 @@ from cases import CASES, Case
 
 
 def parameter(case: Case) -> object:
-    marks = [] if case.known is None else [pytest.mark.xfail(strict=True, reason=case.known)]
+    # Not strict: a miss by a hair may be a hit with another instruction set.
+    marks = [] if case.known is None else [pytest.mark.xfail(strict=False, reason=case.known)]
     return pytest.param(case, id=case.name, marks=marks)
 
 
