@@ -47,8 +47,8 @@ int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings) {
     if (status != FUM_OK) goto done;
   }
   caches->build_s = 0.0;
-  const bool is_current = caches->all != NULL && caches->leaf_size == settings->leaf_size &&
-                          caches->subsampling == settings->subsampling;
+  const bool is_current =
+      caches->all != NULL && caches->leaf_size == settings->leaf_size && caches->subsampling == settings->subsampling;
   if (is_current) return FUM_OK;
   drop_octrees(context, caches);
   status = build_octrees(scene, settings);

@@ -73,16 +73,21 @@ void fum_context_set_progress(fum_context *context, fum_progress_fn progress, vo
   context->progress_user = user;
 }
 
-const char *fum_last_error(const fum_context *context) { return context != NULL ? context->error : create_error; }
+const char *fum_last_error(const fum_context *context) {
+  return context != NULL ? context->error : create_error;
+}
 
-int32_t fum_warning_count(const fum_context *context) { return context->warning_count; }
+int32_t fum_warning_count(const fum_context *context) {
+  return context->warning_count;
+}
 
 const char *fum_warning(const fum_context *context, int32_t index) {
   return index >= 0 && index < context->warning_count ? context->warnings[index] : NULL;
 }
 
 void fum_warnings_clear(fum_context *context) {
-  for (int32_t i = 0; i < context->warning_count; i++) free(context->warnings[i]);
+  for (int32_t i = 0; i < context->warning_count; i++)
+    free(context->warnings[i]);
   free(context->warnings);
   context->warnings = NULL;
   context->warning_count = 0;

@@ -8,7 +8,9 @@
 
 /* The tolerance is for the picture; transmittance to a light is kept within a tenth of it. Half of that may be lost by
  * not hearing far particles, half by ending walks early. */
-float fum_transmittance_error(const fum_settings *settings) { return 0.1F * settings->tolerance; }
+float fum_transmittance_error(const fum_settings *settings) {
+  return 0.1F * settings->tolerance;
+}
 
 int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const fum_octree *receivers,
                            fum_lighting *out_lighting) {
@@ -100,7 +102,8 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   lighting.gathering.response_user = &surfaces;
   status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);
   if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < count; i++) out_factors[points->indices[i]] = factors[i];
+  for (int64_t i = 0; i < count; i++)
+    out_factors[points->indices[i]] = factors[i];
 done:
   fum_free(context, &local);
   fum_free(context, &factors);
@@ -130,7 +133,8 @@ int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int
   status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status == FUM_OK) status = light_points(scene, settings, light, count, positions, normals, true, factors);
   for (int64_t i = 0; status == FUM_OK && i < count; i++) {
-    for (int c = 0; c < 3; c++) out_irradiance[3 * i + c] = scene->lights[light].desc.intensity[c] * factors[i];
+    for (int c = 0; c < 3; c++)
+      out_irradiance[3 * i + c] = scene->lights[light].desc.intensity[c] * factors[i];
   }
   fum_free(context, &factors);
   return status;

@@ -13,7 +13,9 @@
 
 #include <string.h>
 
-void fum_render_stats_init(fum_render_stats *stats) { *stats = (fum_render_stats){.struct_size = sizeof *stats}; }
+void fum_render_stats_init(fum_render_stats *stats) {
+  *stats = (fum_render_stats){.struct_size = sizeof *stats};
+}
 
 /* One call of fum_render: what it was asked for and what it has made so far. */
 typedef struct render {
@@ -27,7 +29,9 @@ typedef struct render {
   fum_render_stats stats;
 } render;
 
-static int64_t pixel_count(const render *r) { return (int64_t)r->view.width * r->view.height; }
+static int64_t pixel_count(const render *r) {
+  return (int64_t)r->view.width * r->view.height;
+}
 
 static int32_t check_passes(fum_context *context, const fum_view *view, int32_t pass_count,
                             const fum_pass_buffer *passes) {
@@ -37,8 +41,8 @@ static int32_t check_passes(fum_context *context, const fum_view *view, int32_t 
     if (info == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)passes[i].pass);
     const int64_t needed = (int64_t)view->width * view->height * info->channel_count;
     if (passes[i].pixels == NULL || passes[i].pixels_size != needed) {
-      return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed", info->name,
-                      (long long)passes[i].pixels_size, (long long)needed);
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed",
+                      info->name, (long long)passes[i].pixels_size, (long long)needed);
     }
   }
   return FUM_OK;
@@ -135,7 +139,8 @@ static int32_t light_particles(render *r, float **out_light) {
   if (status != FUM_OK) goto done;
   r->stats.light_points = all->count;
   r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  for (int32_t i = 0; i < r->scene->light_count; i++)
+    r->stats.light_sample_count += lighting.lamps[i].sample_count;
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   *out_light = light;
   light = NULL;
@@ -147,7 +152,9 @@ done:
 }
 
 /* Share of a billboard's optical depth that may lie outside of what is drawn: a quarter of the tolerance. */
-static float footprint_sigmas(float tolerance) { return sqrtf(2.0F * logf(4.0F / fminf(tolerance, 1.0F))); }
+static float footprint_sigmas(float tolerance) {
+  return sqrtf(2.0F * logf(4.0F / fminf(tolerance, 1.0F)));
+}
 
 static fum_frame make_frame(const render *r) {
   const fum_view *view = &r->view;
@@ -158,7 +165,8 @@ static fum_frame make_frame(const render *r) {
                      .clip_end = (float)view->clip_end,
                      .footprint_sigmas = footprint_sigmas(r->settings.tolerance),
                      .solid_depths = r->solid_depths};
-  for (int i = 0; i < 4; i++) frame.window[i] = (float)view->window[i];
+  for (int i = 0; i < 4; i++)
+    frame.window[i] = (float)view->window[i];
   return frame;
 }
 
@@ -266,10 +274,11 @@ static int32_t light_smoke(render *r, const fum_lighting *lighting, float footpr
     status = FUM_OK;
   }
   if (status == FUM_OK && share > 1.0) {
-    fum_warn(r->context,
-             "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
-             "squares)",
-             (double)r->settings.tolerance, share * (double)r->settings.tolerance);
+    fum_warn(
+        r->context,
+        "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
+        "squares)",
+        (double)r->settings.tolerance, share * (double)r->settings.tolerance);
   }
   return status;
 }
@@ -302,7 +311,8 @@ static int32_t combine_with_tiles(render *r) {
   r->stats.light_points = light.lattice.lit_count;
   r->stats.slab_count = light.slabs.count;
   r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++) r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  for (int32_t i = 0; i < r->scene->light_count; i++)
+    r->stats.light_sample_count += lighting.lamps[i].sample_count;
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
   status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
@@ -350,7 +360,8 @@ static void fill_stats(render *r) {
   stats->light_count = scene->light_count;
   stats->solver = FUM_SOLVER_EXACT;
   stats->particle_count = scene->particle_count;
-  for (int32_t i = 0; i < scene->mesh_count; i++) stats->triangle_count += scene->meshes[i].triangle_count;
+  for (int32_t i = 0; i < scene->mesh_count; i++)
+    stats->triangle_count += scene->meshes[i].triangle_count;
   stats->memory_bytes = atomic_load(&r->context->memory_peak_bytes);
 }
 
@@ -363,7 +374,8 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   fum_progress_begin(context);
   atomic_store(&context->memory_peak_bytes, atomic_load(&context->memory_bytes));
   if (out_stats != NULL && out_stats->struct_size < sizeof *out_stats) {
-    return fum_fail(context, FUM_ERROR_ARGUMENT, "stats: struct_size %u is not valid", (unsigned)out_stats->struct_size);
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "stats: struct_size %u is not valid",
+                    (unsigned)out_stats->struct_size);
   }
   int32_t status = fum_settings_check(context, settings, &r.settings);
   if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);

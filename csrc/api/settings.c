@@ -29,7 +29,8 @@ int32_t fum_settings_check(fum_context *context, const fum_settings *settings, f
   fum_settings_init(&s);
   if (settings != NULL) {
     if (settings->struct_size < sizeof *settings) {
-      return fum_fail(context, FUM_ERROR_ARGUMENT, "settings: struct_size %u is not valid", (unsigned)settings->struct_size);
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "settings: struct_size %u is not valid",
+                      (unsigned)settings->struct_size);
     }
     s = *settings;
   }

@@ -109,7 +109,8 @@ int32_t fum_alloc(fum_context *context, int64_t count, size_t size, const char *
   if (!overflows && (bytes < LARGE_BYTES || bytes < fum_memory_available())) base = calloc(1, bytes);
   if (base == NULL) {
     const double gib = 1024.0 * 1024.0 * 1024.0;
-    return fum_fail(context, FUM_ERROR_MEMORY, "%s: %lld entries need %.2f GiB of memory; %.2f GiB are free, enough for %.0f", what,
+    return fum_fail(context, FUM_ERROR_MEMORY,
+                    "%s: %lld entries need %.2f GiB of memory; %.2f GiB are free, enough for %.0f", what,
                     (long long)count, (double)count * (double)size / gib, (double)fum_memory_available() / gib,
                     floor((double)fum_memory_available() / (double)size));
   }

@@ -23,7 +23,9 @@ fum_cpu_level fum_cpu(void) {
   return (int)best < allowed ? best : (fum_cpu_level)allowed;
 }
 
-void fum_cpu_limit(fum_cpu_level level) { atomic_store(&limit, (int)level); }
+void fum_cpu_limit(fum_cpu_level level) {
+  atomic_store(&limit, (int)level);
+}
 
 const char *fum_cpu_name(fum_cpu_level level) {
   switch (level) {

@@ -14,6 +14,8 @@ static inline uint64_t fum_hash64(uint64_t x) {
 }
 
 /* Uniform in [0, 1), 53 bits. */
-static inline double fum_hash_unit(uint64_t x) { return (double)(fum_hash64(x) >> 11) * 0x1p-53; }
+static inline double fum_hash_unit(uint64_t x) {
+  return (double)(fum_hash64(x) >> 11) * 0x1p-53;
+}
 
 #endif

@@ -11,13 +11,16 @@ typedef struct buffers {
   uint32_t *values;
 } buffers;
 
-static int64_t block_begin(int64_t count, int block, int blocks) { return count * block / blocks; }
+static int64_t block_begin(int64_t count, int block, int blocks) {
+  return count * block / blocks;
+}
 
 /* True if all keys share the digit, so that the pass would move nothing. */
 static bool is_uniform(int64_t count, int64_t counts[][BUCKETS], int blocks) {
   for (int bucket = 0; bucket < BUCKETS; bucket++) {
     int64_t sum = 0;
-    for (int block = 0; block < blocks; block++) sum += counts[block][bucket];
+    for (int block = 0; block < blocks; block++)
+      sum += counts[block][bucket];
     if (sum == count) return true;
   }
   return false;
@@ -35,13 +38,15 @@ static void counts_to_offsets(int64_t counts[][BUCKETS], int blocks) {
 }
 
 /* One pass; returns false if nothing had to move. */
-static bool sort_digit(fum_context *context, int64_t count, int shift, buffers from, buffers to, int64_t counts[][BUCKETS], int blocks) {
+static bool sort_digit(fum_context *context, int64_t count, int shift, buffers from, buffers to,
+                       int64_t counts[][BUCKETS], int blocks) {
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
     int64_t *mine = counts[block];
     memset(mine, 0, sizeof counts[0]);
     const int64_t end = block_begin(count, block + 1, blocks);
-    for (int64_t i = block_begin(count, block, blocks); i < end; i++) mine[(from.keys[i] >> shift) & (BUCKETS - 1)]++;
+    for (int64_t i = block_begin(count, block, blocks); i < end; i++)
+      mine[(from.keys[i] >> shift) & (BUCKETS - 1)]++;
   }
   fum_progress_pulse(context);
   if (is_uniform(count, counts, blocks)) return false;

@@ -15,7 +15,9 @@ typedef float fum_vf __attribute__((vector_size(4 * FUM_LANES)));
 typedef int32_t fum_vi __attribute__((vector_size(4 * FUM_LANES)));
 typedef uint32_t fum_vu __attribute__((vector_size(4 * FUM_LANES))); /* wraps around without undefined behaviour */
 
-static inline fum_vf fum_vf_set(float value) { return value - (fum_vf){0}; }
+static inline fum_vf fum_vf_set(float value) {
+  return value - (fum_vf){0};
+}
 
 static inline fum_vf fum_vf_load(const float *values) {
   fum_vf v;
@@ -23,11 +25,14 @@ static inline fum_vf fum_vf_load(const float *values) {
   return v;
 }
 
-static inline void fum_vf_store(float *values, fum_vf v) { memcpy(values, &v, sizeof v); }
+static inline void fum_vf_store(float *values, fum_vf v) {
+  memcpy(values, &v, sizeof v);
+}
 
 static inline float fum_vf_sum(fum_vf v) {
   float sum = 0.0F;
-  for (int lane = 0; lane < FUM_LANES; lane++) sum += v[lane];
+  for (int lane = 0; lane < FUM_LANES; lane++)
+    sum += v[lane];
   return sum;
 }
 
@@ -35,7 +40,9 @@ static inline fum_vf fum_vf_select(fum_vi mask, fum_vf yes, fum_vf no) {
   return (fum_vf)((mask & (fum_vi)yes) | (~mask & (fum_vi)no));
 }
 
-static inline fum_vf fum_vf_abs(fum_vf v) { return (fum_vf)((fum_vi)v & 0x7fffffff); }
+static inline fum_vf fum_vf_abs(fum_vf v) {
+  return (fum_vf)((fum_vi)v & 0x7fffffff);
+}
 
 /* 2^x for x <= 0 within 2e-7 relative; 0 below -126. Rounding by a large constant leaves the integer in the low bits;
  * the polynomial is 2^f on [-1/2, 1/2] (Chebyshev fit). */

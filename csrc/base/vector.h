@@ -13,13 +13,21 @@ typedef struct fum_vec3 {
   float x, y, z;
 } fum_vec3;
 
-static inline fum_vec3 fum_sub(fum_vec3 a, fum_vec3 b) { return (fum_vec3){a.x - b.x, a.y - b.y, a.z - b.z}; }
-static inline fum_vec3 fum_scaled(fum_vec3 a, float s) { return (fum_vec3){a.x * s, a.y * s, a.z * s}; }
+static inline fum_vec3 fum_sub(fum_vec3 a, fum_vec3 b) {
+  return (fum_vec3){a.x - b.x, a.y - b.y, a.z - b.z};
+}
+static inline fum_vec3 fum_scaled(fum_vec3 a, float s) {
+  return (fum_vec3){a.x * s, a.y * s, a.z * s};
+}
 static inline fum_vec3 fum_mad(fum_vec3 a, float s, fum_vec3 b) {
   return (fum_vec3){b.x + a.x * s, b.y + a.y * s, b.z + a.z * s};
 }
-static inline float fum_dot(fum_vec3 a, fum_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static inline float fum_length(fum_vec3 a) { return sqrtf(fum_dot(a, a)); }
+static inline float fum_dot(fum_vec3 a, fum_vec3 b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+static inline float fum_length(fum_vec3 a) {
+  return sqrtf(fum_dot(a, a));
+}
 
 static inline bool fum_all_finite(const double *values, int count) {
   for (int i = 0; i < count; i++) {
@@ -38,7 +46,8 @@ static inline void fum_transform_point(const double matrix[16], const double poi
 
 /* Column of the linear part, and its length. */
 static inline double fum_matrix_column(const double matrix[16], int column, double out[3]) {
-  for (int row = 0; row < 3; row++) out[row] = matrix[4 * row + column];
+  for (int row = 0; row < 3; row++)
+    out[row] = matrix[4 * row + column];
   return sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]);
 }
 
@@ -46,7 +55,8 @@ static inline double fum_matrix_column(const double matrix[16], int column, doub
 static inline bool fum_matrix_axis(const double matrix[16], int column, double out[3]) {
   const double length = fum_matrix_column(matrix, column, out);
   if (!(length > 0.0)) return false;
-  for (int row = 0; row < 3; row++) out[row] /= length;
+  for (int row = 0; row < 3; row++)
+    out[row] /= length;
   return true;
 }
 

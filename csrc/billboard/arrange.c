@@ -72,7 +72,8 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
   if (status == FUM_OK) status = fum_alloc(context, seen, sizeof *ranks, "order of the particles", &ranks);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t i = 0; i < seen; i++) ranks[i] = (uint32_t)keys[i];
+  for (int64_t i = 0; i < seen; i++)
+    ranks[i] = (uint32_t)keys[i];
   *out_ranks = ranks;
   *out_count = seen;
 done:
@@ -91,8 +92,8 @@ static void shade(const fum_particles *set, int64_t i, const float *light, doubl
   }
 }
 
-void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
-                               const float *light, int64_t count, const uint32_t *ranks, fum_billboard *out_billboards) {
+void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const float *light,
+                            int64_t count, const uint32_t *ranks, fum_billboard *out_billboards) {
 #pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
   for (int64_t n = 0; n < count; n++) {
     if (fum_progress_in_loop(scene->context, n, CHECK_STRIDE)) continue;
@@ -106,7 +107,8 @@ void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, co
     fum_billboard *b = &out_billboards[n];
     double center[3];
     to_camera(octree, view, rank, center);
-    for (int axis = 0; axis < 3; axis++) b->center[axis] = (float)center[axis];
+    for (int axis = 0; axis < 3; axis++)
+      b->center[axis] = (float)center[axis];
     b->sigma = (float)fmax(sigma, 1e-18);
     b->optical_depth = (float)fmin(density * sigma * FUM_SQRT_2PI, 1e30);
     shade(set, i, light + 3 * (int64_t)rank, density, b);

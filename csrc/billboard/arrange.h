@@ -4,8 +4,8 @@
 #define FUM_BILLBOARD_ARRANGE_H
 
 #include "billboard/billboard.h"
-#include "scene/view.h"
 #include "octree/octree.h"
+#include "scene/view.h"
 
 /* The order of the particles that can be seen: their ranks in `octree` (of all particles), farthest first; ties in the
  * order of the scene, that is by id. `footprint_sigmas` as in fum_frame. */
@@ -13,7 +13,7 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
                           float footprint_sigmas, uint32_t **out_ranks, int64_t *out_count);
 
 /* Billboards of the particles `ranks`; `light` [3 count of the octree] as fum_inscatter gives it. */
-void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
-                               const float *light, int64_t count, const uint32_t *ranks, fum_billboard *out_billboards);
+void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const float *light,
+                            int64_t count, const uint32_t *ranks, fum_billboard *out_billboards);
 
 #endif

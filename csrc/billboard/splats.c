@@ -20,8 +20,7 @@ static double coverage(double tau) {
     }
     return sum;
   }
-  const double tail =
-      exp(-tau) / tau * ((tau + 2.334733) * tau + 0.250621) / ((tau + 3.330657) * tau + 1.681534);
+  const double tail = exp(-tau) / tau * ((tau + 2.334733) * tau + 0.250621) / ((tau + 3.330657) * tau + 1.681534);
   return log(tau) + euler_gamma + tail;
 }
 
@@ -29,12 +28,13 @@ static double coverage(double tau) {
 static double depth_of_coverage(double area) {
   if (area < 0.01) return area * (1.0 + area * (0.25 + 0.0694 * area));
   double tau = fmax(area, exp(area - 0.57721566490153286));
-  for (int i = 0; i < 5; i++) tau += (area - coverage(tau)) * tau / (1.0 - exp(-tau));
+  for (int i = 0; i < 5; i++)
+    tau += (area - coverage(tau)) * tau / (1.0 - exp(-tau));
   return tau;
 }
 
-/* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions, so
- * that a disc across the camera's plane needs no division. */
+/* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions,
+ * so that a disc across the camera's plane needs no division. */
 static void find_slopes(double lateral, double depth, double radius, double out[2]) {
   const double squared = lateral * lateral + (depth - radius) * (depth + radius);
   out[0] = -INFINITY;
@@ -75,7 +75,8 @@ static void find_footprint(const fum_view *view, double footprint_m, fum_splat *
   }
 }
 
-static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, double footprint_sigmas, float thinnest) {
+static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, double footprint_sigmas,
+                     float thinnest) {
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   double c[3];
@@ -99,7 +100,9 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, 
   return splat;
 }
 
-static bool is_seen(const fum_splat *s) { return s->lower[0] < s->upper[0] && s->lower[1] < s->upper[1]; }
+static bool is_seen(const fum_splat *s) {
+  return s->lower[0] < s->upper[0] && s->lower[1] < s->upper[1];
+}
 
 /* Calls for every tile that the splat touches: counts it, or writes it down at the place that was counted. */
 static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32_t *out) {
@@ -125,7 +128,8 @@ static int32_t sort_into_tiles(fum_context *context, fum_splats *s) {
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
     const int64_t end = s->count * (block + 1) / blocks;
-    for (int64_t i = s->count * block / blocks; i < end; i++) touch_tiles(s, i, cursors + block * tiles, NULL);
+    for (int64_t i = s->count * block / blocks; i < end; i++)
+      touch_tiles(s, i, cursors + block * tiles, NULL);
   }
   int64_t total = 0;
   for (int64_t tile = 0; tile < tiles; tile++) {

@@ -9,12 +9,12 @@
 enum { FUM_TILE = 32 }; /* pixels a side */
 
 typedef struct fum_splat {
-  float center[3];     /* camera space */
-  float sigma;         /* along the view, m */
-  float width;         /* sigma across the view: at least 0.6 of a pixel */
-  float optical_depth; /* through the centre, lowered when it was widened */
-  float reach;         /* m along the view beyond which it holds nothing that is seen */
-  float range;         /* distance of the centre, in an orthographic view its depth */
+  float center[3];            /* camera space */
+  float sigma;                /* along the view, m */
+  float width;                /* sigma across the view: at least 0.6 of a pixel */
+  float optical_depth;        /* through the centre, lowered when it was widened */
+  float reach;                /* m along the view beyond which it holds nothing that is seen */
+  float range;                /* distance of the centre, in an orthographic view its depth */
   int32_t lower[2], upper[2]; /* pixels of the footprint, upper not included; empty if it isn't seen */
 } fum_splat;
 

@@ -22,7 +22,7 @@ typedef struct fum_tile_job {
   const fum_solids *solids; /* that cast shadows; NULL: none */
   float solid_shadow_intensity;
   const float *solid_depths; /* [height][width] along the axis; NULL: none */
-  int32_t class_count; /* of particles that scatter alike: with one anisotropy */
+  int32_t class_count;       /* of particles that scatter alike: with one anisotropy */
   const float *anisotropies; /* [class_count] */
   bool is_uniform;           /* one class, one albedo and no emission: only optical depth is added up... */
   float albedo[3];           /* ...and this is the albedo */

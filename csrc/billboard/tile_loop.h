@@ -14,7 +14,7 @@ typedef struct tile {
   int32_t x0, y0;
   int32_t first_slab, slab_count, channels;
   float u[FUM_TILE], v[FUM_TILE];
-  float inverse_length[FUM_TILE_PIXELS]; /* of the ray (u, v, -1); 1 in an orthographic view */
+  float inverse_length[FUM_TILE_PIXELS];             /* of the ray (u, v, -1); 1 in an orthographic view */
   float near[FUM_TILE_PIXELS], far[FUM_TILE_PIXELS]; /* ranges between which the ray sees smoke */
   float nearest_far, farthest_near;
 } tile;
@@ -67,16 +67,18 @@ static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
   const float *albedo = set->albedos != NULL ? set->albedos + 3 * i : set->albedo;
   const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
   for (int32_t k = 0; k < job->class_count; k++) {
-    for (int c = 0; c < 3; c++) out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] : 0.0F;
+    for (int c = 0; c < 3; c++)
+      out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] : 0.0F;
   }
   const float density = fmaxf(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
-  for (int c = 0; job->glows && c < 3; c++) out[3 * job->class_count + c] = emission[c] / density;
+  for (int c = 0; job->glows && c < 3; c++)
+    out[3 * job->class_count + c] = emission[c] / density;
 }
 
 enum { MAX_LOOK = 3 * 16 + 3 };
 
-/* Rows and columns of the tile that a splat touches; columns widened to the widest vectors, whatever the instruction set:
- * every set must draw the same pixels. */
+/* Rows and columns of the tile that a splat touches; columns widened to the widest vectors, whatever the instruction
+ * set: every set must draw the same pixels. */
 enum { WIDEST_LANES = 16 };
 
 typedef struct patch {
@@ -104,8 +106,9 @@ static float *slab_at(const tile *t, float *slabs, int32_t slab, int32_t pixel) 
   return slabs + (int64_t)(slab - t->first_slab) * t->channels * FUM_TILE_PIXELS + pixel;
 }
 
-/* A splat far away against its size and clear of every cut: the share of each slab is taken to be the same for all pixels.
- * The point of a ray nearest to the centre is nearer than the centre by d^2 / (2 range), on average width^2 / range. */
+/* A splat far away against its size and clear of every cut: the share of each slab is taken to be the same for all
+ * pixels. The point of a ray nearest to the centre is nearer than the centre by d^2 / (2 range), on average width^2 /
+ * range. */
 static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look, float *slabs) {
   float shares[FUM_MAX_SLABS];
   const fum_face *faces = t->job->slabs->faces;
@@ -116,7 +119,8 @@ static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t 
     const float z = (faces[j + 1].range - range) * inverse_sigma;
     shares[j - first] = j == last ? 1.0F : 0.5F * erfcf(-0.70710678F * z);
   }
-  for (int32_t j = last; j > first; j--) shares[j - first] -= shares[j - first - 1];
+  for (int32_t j = last; j > first; j--)
+    shares[j - first] -= shares[j - first - 1];
   const float depth = is_perspective ? -s->center[2] : 1.0F;
   const float uc = s->center[0] / depth, vc = s->center[1] / depth;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
@@ -133,16 +137,22 @@ static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t 
         squared = (squared + e3 * e3) * (inverse_length * inverse_length);
       }
       const fum_vf gauss = s->optical_depth * fum_vf_exp2(squared * falloff);
-      for (int32_t j = first; j <= last; j++) deposit(t, slab_at(t, slabs, j, pixel), gauss * shares[j - first], look);
+      for (int32_t j = first; j <= last; j++)
+        deposit(t, slab_at(t, slabs, j, pixel), gauss * shares[j - first], look);
     }
   }
 }
 
-static fum_vf vf_min(fum_vf a, fum_vf b) { return fum_vf_select(a < b, a, b); }
-static fum_vf vf_max(fum_vf a, fum_vf b) { return fum_vf_select(a > b, a, b); }
+static fum_vf vf_min(fum_vf a, fum_vf b) {
+  return fum_vf_select(a < b, a, b);
+}
+static fum_vf vf_max(fum_vf a, fum_vf b) {
+  return fum_vf_select(a > b, a, b);
+}
 
 /* Any splat: every pixel's ray has its own nearest point and its own ends. */
-static void splat_near(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look, float *slabs) {
+static void splat_near(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look,
+                       float *slabs) {
   const fum_face *faces = t->job->slabs->faces;
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float *c = s->center, inverse_sigma = 1.0F / s->sigma;
@@ -181,7 +191,8 @@ static void find_span(const tile *t, const fum_splat *s, int32_t *first, int32_t
 }
 
 static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
-  const float far_away = 30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
+  const float far_away =
+      30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   float look[MAX_LOOK];
   for (int64_t n = 0; n < count; n++) {
@@ -199,7 +210,8 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
 /* (1 - exp(-x)) / x */
 static fum_vf mean_attenuation(fum_vf x) {
   const fum_vf clamped = vf_max(x, fum_vf_set(-60.0F)), magnitude = fum_vf_abs(clamped);
-  const fum_vf series = 1.0F - clamped * (0.5F - clamped * (0.16666667F - clamped * (0.041666668F - clamped * 0.008333334F)));
+  const fum_vf series =
+      1.0F - clamped * (0.5F - clamped * (0.16666667F - clamped * (0.041666668F - clamped * 0.008333334F)));
   /* exp of -|x| only; for x < 0, (exp(|x|) - 1) / |x| = exp(|x|) (1 - exp(-|x|)) / |x| */
   const fum_vf decay = fum_vf_exp2(magnitude * -1.44269504F);
   const fum_vf safe = vf_max(magnitude, fum_vf_set(1e-3F));
@@ -215,7 +227,8 @@ typedef struct sums {
 } sums;
 
 /* One light in one slab: its optical depth runs linearly from face to face, and so does the slab's own, hence
- * the integral of exp(-front - s D) exp(-t0 - s (t1 - t0)) over s is exp(-front - t0) (1 - exp(-D - t1 + t0)) / (D + t1 - t0). */
+ * the integral of exp(-front - s D) exp(-t0 - s (t1 - t0)) over s is exp(-front - t0) (1 - exp(-D - t1 + t0)) / (D + t1
+ * - t0). */
 static void add_light(const tile *t, const float *slab, const fum_slab_light *light, sums *out) {
   const fum_tile_job *job = t->job;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
@@ -226,8 +239,8 @@ static void add_light(const tile *t, const float *slab, const fum_slab_light *li
     for (int32_t k = 0; k < job->class_count; k++) {
       const fum_vf strength = mean * fum_vf_load(light->strengths[k] + i);
       for (int c = 0; c < 3; c++) {
-        const fum_vf scattering =
-            job->is_uniform ? depth * job->albedo[c] : fum_vf_load(slab + (int64_t)(1 + 3 * k + c) * FUM_TILE_PIXELS + i);
+        const fum_vf scattering = job->is_uniform ? depth * job->albedo[c]
+                                                  : fum_vf_load(slab + (int64_t)(1 + 3 * k + c) * FUM_TILE_PIXELS + i);
         fum_vf_store(out->rgb[c] + i, fum_vf_load(out->rgb[c] + i) + strength * scattering * light->color[c]);
       }
     }
@@ -268,7 +281,8 @@ static void resolve(const tile *t, const float *slabs, float *depths, sums *s) {
       add_light(t, slab, &light, s);
     }
     if (job->glows) add_glow(t, slab, s);
-    for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) s->depth[i] += slab[i];
+    for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
+      s->depth[i] += slab[i];
   }
 }
 
@@ -277,7 +291,8 @@ static void write_pixels(const tile *t, const sums *s) {
   for (int32_t y = 0; y < FUM_TILE && t->y0 + y < view->height; y++) {
     for (int32_t x = 0; x < FUM_TILE && t->x0 + x < view->width; x++) {
       float *rgba = t->job->rgba + 4 * ((int64_t)(t->y0 + y) * view->width + t->x0 + x);
-      for (int c = 0; c < 3; c++) rgba[c] = s->rgb[c][y * FUM_TILE + x];
+      for (int c = 0; c < 3; c++)
+        rgba[c] = s->rgb[c][y * FUM_TILE + x];
       rgba[3] = -expm1f(-s->depth[y * FUM_TILE + x]);
     }
   }

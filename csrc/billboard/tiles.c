@@ -36,13 +36,15 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_
     const fum_particles *set = &scene->particles[s];
     if (set->count == 0) continue;
     int32_t k = 0;
-    while (k < job->class_count && anisotropies[k] != set->anisotropy) k++;
+    while (k < job->class_count && anisotropies[k] != set->anisotropy)
+      k++;
     if (k == FUM_MAX_CLASSES) {
       return fum_fail(scene->context, FUM_ERROR_ARGUMENT, "%s: more than %d different anisotropies", set->name,
                       (int)FUM_MAX_CLASSES);
     }
     if (k == job->class_count) anisotropies[job->class_count++] = set->anisotropy;
-    const bool glows = set->emissions != NULL || set->emission[0] > 0.0F || set->emission[1] > 0.0F || set->emission[2] > 0.0F;
+    const bool glows =
+        set->emissions != NULL || set->emission[0] > 0.0F || set->emission[1] > 0.0F || set->emission[2] > 0.0F;
     job->glows = job->glows || glows;
     if (first == NULL) first = set;
     const bool is_like_first = set->albedos == NULL && memcmp(set->albedo, first->albedo, sizeof set->albedo) == 0;
@@ -81,6 +83,7 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
     free(scratch.slabs);
     free(scratch.depths);
   }
-  if (atomic_load(&is_out_of_memory)) return fum_fail(context, FUM_ERROR_MEMORY, "drawing: no memory for a tile's slabs");
+  if (atomic_load(&is_out_of_memory))
+    return fum_fail(context, FUM_ERROR_MEMORY, "drawing: no memory for a tile's slabs");
   return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }

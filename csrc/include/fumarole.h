@@ -94,7 +94,8 @@ FUM_API const char *fum_version(void);
 /** One line for bug reports: version, instruction set in use, Embree and OpenEXR versions reached. */
 FUM_API const char *fum_build_info(void);
 
-/** Size and offset of a struct's field as compiled into the library, so that a foreign-language mirror can be checked. */
+/** Size and offset of a struct's field as compiled into the library, so that a foreign-language mirror can be checked.
+ */
 typedef struct fum_abi_field {
   const char *struct_name;
   const char *field_name; /**< "" for the struct as a whole. */
@@ -125,7 +126,8 @@ FUM_API int32_t fum_context_set_threads(fum_context *context, int32_t threads);
 /** Sets or clears (NULL) the progress callback. */
 FUM_API void fum_context_set_progress(fum_context *context, fum_progress_fn progress, void *user);
 
-/** What went wrong in the last failed call, or "" if none failed. With NULL: why fum_context_create failed (per thread). */
+/** What went wrong in the last failed call, or "" if none failed. With NULL: why fum_context_create failed (per
+ * thread). */
 FUM_API const char *fum_last_error(const fum_context *context);
 
 /** Warnings gathered since the last fum_warnings_clear, each once. */
@@ -149,20 +151,20 @@ FUM_API void fum_scene_destroy(fum_scene *scene);
  */
 typedef struct fum_particles_desc {
   uint32_t struct_size;
-  float anisotropy;       /**< g of Henyey-Greenstein, above -1 and below 1; default 0 */
-  const char *name;       /**< for messages; NULL is "particles" */
-  int64_t count;          /**< 0 or more; at most 4294967294 over all sets of a scene */
-  const float *positions; /**< [3 count] world space; required unless count is 0 */
-  const float *radii;     /**< [count] m; sigma = radius / 2 */
-  const float *densities; /**< [count] peak extinction, 1/m */
-  const float *albedos;   /**< [3 count] single-scattering albedo, 0..1 */
-  const float *emissions; /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
+  float anisotropy;        /**< g of Henyey-Greenstein, above -1 and below 1; default 0 */
+  const char *name;        /**< for messages; NULL is "particles" */
+  int64_t count;           /**< 0 or more; at most 4294967294 over all sets of a scene */
+  const float *positions;  /**< [3 count] world space; required unless count is 0 */
+  const float *radii;      /**< [count] m; sigma = radius / 2 */
+  const float *densities;  /**< [count] peak extinction, 1/m */
+  const float *albedos;    /**< [3 count] single-scattering albedo, 0..1 */
+  const float *emissions;  /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
   const float *velocities; /**< [3 count] m/s; for motion blur, not used by any pass yet */
-  const uint64_t *ids;    /**< [count] stable identity of each particle; default: 0, 1, 2... */
-  float radius;           /**< default 0.1 */
-  float density;          /**< default 1 */
-  float albedo[3];        /**< default 0.8 */
-  float emission[3];      /**< default 0 */
+  const uint64_t *ids;     /**< [count] stable identity of each particle; default: 0, 1, 2... */
+  float radius;            /**< default 0.1 */
+  float density;           /**< default 1 */
+  float albedo[3];         /**< default 0.8 */
+  float emission[3];       /**< default 0 */
 } fum_particles_desc;
 
 FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
@@ -198,16 +200,16 @@ typedef struct fum_light_desc {
   const char *name;            /**< for messages; NULL is "light" */
   double world_from_light[16]; /**< default identity; rotation and translation are used, and for a spot the scale too:
                                     its cone is that of the direction in local space */
-  float intensity[3]; /**< point, spot: radiant intensity, W/sr. sun: irradiance on a plane facing it, W/m^2.
-                           area: radiance, W/(m^2 sr). At least 0; default 1 */
-  float radius;       /**< point, spot: radius of the disc that faces the receiver, m; default 0 */
-  float sun_angle;    /**< sun: full angle of its disc, 0..pi; default 0 */
-  float spot_angle;   /**< spot: full angle of the cone, above 0 and at most pi; default pi/4 */
-  float spot_blend;   /**< spot: share of the cone that is soft, 0..1; default 0.15 */
-  int32_t spot_cosine; /**< spot: 1 multiplies by the cosine to the axis (Cycles of Blender 3.4); default 0 */
-  int32_t area_shape; /**< FUM_AREA_; default rectangle */
-  float area_size[2]; /**< area: full width and height along local X and Y, m, scale included; default 1, 1 */
-  float area_spread;  /**< area: full angle that light spreads over, above 0 and at most pi; default pi */
+  float intensity[3];          /**< point, spot: radiant intensity, W/sr. sun: irradiance on a plane facing it, W/m^2.
+                                    area: radiance, W/(m^2 sr). At least 0; default 1 */
+  float radius;                /**< point, spot: radius of the disc that faces the receiver, m; default 0 */
+  float sun_angle;             /**< sun: full angle of its disc, 0..pi; default 0 */
+  float spot_angle;            /**< spot: full angle of the cone, above 0 and at most pi; default pi/4 */
+  float spot_blend;            /**< spot: share of the cone that is soft, 0..1; default 0.15 */
+  int32_t spot_cosine;         /**< spot: 1 multiplies by the cosine to the axis (Cycles of Blender 3.4); default 0 */
+  int32_t area_shape;          /**< FUM_AREA_; default rectangle */
+  float area_size[2];          /**< area: full width and height along local X and Y, m, scale included; default 1, 1 */
+  float area_spread;           /**< area: full angle that light spreads over, above 0 and at most pi; default pi */
 } fum_light_desc;
 
 FUM_API void fum_light_desc_init(fum_light_desc *desc);
@@ -231,9 +233,9 @@ typedef struct fum_settings {
                                      centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
   float shadowing_density;      /**< artistic: factor on optical depth towards lights, at least 0; default 1 */
   float solid_shadow_intensity; /**< artistic: share of a light's power that solids block, 0..1; default 1 */
-  float subsampling;            /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
-                                     id, their density rescaled; default 1 */
-  float intersection_scale;     /**< artistic: factor on particles' radius towards lights, 0.01..100; default 1 */
+  float subsampling; /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
+                          id, their density rescaled; default 1 */
+  float intersection_scale; /**< artistic: factor on particles' radius towards lights, 0.01..100; default 1 */
 } fum_settings;
 
 FUM_API void fum_settings_init(fum_settings *settings);
@@ -256,7 +258,7 @@ FUM_API void fum_camera_init(fum_camera *camera);
 
 /** What a pass is. The pass table is the one list of passes; hosts register from it. */
 typedef struct fum_pass_info {
-  int32_t pass;            /**< FUM_PASS_ */
+  int32_t pass; /**< FUM_PASS_ */
   int32_t channel_count;
   const char *name;        /**< "Combined", "Depth" */
   const char *channels;    /**< a letter a channel: "RGBA", "Z" */
@@ -269,39 +271,39 @@ FUM_API int32_t fum_pass_get(int32_t index, fum_pass_info *out_info);
 
 /** A pass asked for and where its pixels go. Only what is asked for is computed. */
 typedef struct fum_pass_buffer {
-  int32_t pass;           /**< FUM_PASS_ */
-  int32_t reserved;       /**< 0 */
-  float *pixels;          /**< [height][width][channel_count], written only when the render succeeds */
-  int64_t pixels_size;    /**< number of floats at `pixels`; checked */
+  int32_t pass;        /**< FUM_PASS_ */
+  int32_t reserved;    /**< 0 */
+  float *pixels;       /**< [height][width][channel_count], written only when the render succeeds */
+  int64_t pixels_size; /**< number of floats at `pixels`; checked */
 } fum_pass_buffer;
 
 /** What a render did. */
 typedef struct fum_render_stats {
   uint32_t struct_size;
   int32_t light_count;
-  int32_t light_sample_count;  /**< sample points over all lights */
-  int32_t solver;              /**< FUM_SOLVER_ that ran */
-  int64_t particle_count;      /**< in the scene */
-  int64_t drawn_count;         /**< in front of the camera and within its frame */
+  int32_t light_sample_count; /**< sample points over all lights */
+  int32_t solver;             /**< FUM_SOLVER_ that ran */
+  int64_t particle_count;     /**< in the scene */
+  int64_t drawn_count;        /**< in front of the camera and within its frame */
   int64_t triangle_count;
-  uint64_t memory_bytes;       /**< largest amount the scene and the render held at once, drawing device not counted */
-  double build_s;              /**< octree and mesh hierarchy; 0 when kept from an earlier call */
+  uint64_t memory_bytes; /**< largest amount the scene and the render held at once, drawing device not counted */
+  double build_s;        /**< octree and mesh hierarchy; 0 when kept from an earlier call */
   double light_s;
   double sort_s;
   double draw_s;
-  double passes_s;             /**< passes other than Combined */
+  double passes_s; /**< passes other than Combined */
   double total_s;
-  char device[128];            /**< name of what drew, "" when nothing was */
-  int64_t light_points;        /**< points at which light was found: particles, or samples between which it is
-                                    interpolated */
-  int64_t slab_count;          /**< slabs that the smoke in view was cut into; 0 with GL */
-  int64_t refinement_count;    /**< times that light was found anew in smaller steps, because it missed the tolerance */
-  int64_t accuracy_count;      /**< points in the smoke at which light was found again, exactly, and compared; 0: none */
-  double accuracy_rms;         /**< errors there of the transmittance through smoke to a light, 0..1: root mean square... */
-  double accuracy_p95;         /**< ...95 of 100 are smaller than this... */
-  double accuracy_worst;       /**< ...largest... */
-  double accuracy_bias;        /**< ...mean; above 0: too bright */
-  double meter_s;              /**< what finding them took; not in light_s */
+  char device[128];         /**< name of what drew, "" when nothing was */
+  int64_t light_points;     /**< points at which light was found: particles, or samples between which it is
+                                 interpolated */
+  int64_t slab_count;       /**< slabs that the smoke in view was cut into; 0 with GL */
+  int64_t refinement_count; /**< times that light was found anew in smaller steps, because it missed the tolerance */
+  int64_t accuracy_count;   /**< points in the smoke at which light was found again, exactly, and compared; 0: none */
+  double accuracy_rms;   /**< errors there of the transmittance through smoke to a light, 0..1: root mean square... */
+  double accuracy_p95;   /**< ...95 of 100 are smaller than this... */
+  double accuracy_worst; /**< ...largest... */
+  double accuracy_bias;  /**< ...mean; above 0: too bright */
+  double meter_s;        /**< what finding them took; not in light_s */
 } fum_render_stats;
 
 FUM_API void fum_render_stats_init(fum_render_stats *stats);

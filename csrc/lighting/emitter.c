@@ -5,7 +5,9 @@
 
 static const float GOLDEN_ANGLE = 2.39996323F;
 
-static fum_vec3 to_float(const double v[3]) { return (fum_vec3){(float)v[0], (float)v[1], (float)v[2]}; }
+static fum_vec3 to_float(const double v[3]) {
+  return (fum_vec3){(float)v[0], (float)v[1], (float)v[2]};
+}
 
 /* Rows of the inverse of the matrix's linear part, by cofactors. */
 static void invert_linear(const double m[16], fum_vec3 rows[3]) {
@@ -137,9 +139,9 @@ static float solid_angle(float area, float distance_squared) {
 
 static float spot_factor(const fum_lamp *lamp, fum_vec3 direction) {
   const fum_light_desc *d = &lamp->desc;
-  const fum_vec3 local = normalized((fum_vec3){fum_dot(lamp->spot_rows[0], direction),
-                                               fum_dot(lamp->spot_rows[1], direction),
-                                               fum_dot(lamp->spot_rows[2], direction)});
+  const fum_vec3 local =
+      normalized((fum_vec3){fum_dot(lamp->spot_rows[0], direction), fum_dot(lamp->spot_rows[1], direction),
+                            fum_dot(lamp->spot_rows[2], direction)});
   const float cosine = -local.z, edge = cosf(0.5F * d->spot_angle);
   const float soft = (1.0F - edge) * d->spot_blend;
   float t = soft > 0.0F ? (cosine - edge) / soft : (cosine >= edge ? 1.0F : 0.0F);

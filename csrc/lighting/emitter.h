@@ -16,10 +16,10 @@ typedef struct fum_emitter {
 /* A light in local space. */
 typedef struct fum_lamp {
   fum_light_desc desc;
-  double origin[3];      /* world position of local zero */
-  fum_vec3 position;     /* local space */
+  double origin[3];         /* world position of local zero */
+  fum_vec3 position;        /* local space */
   fum_vec3 right, up, back; /* unit axes of the light */
-  fum_vec3 spot_rows[3]; /* the spot's own coordinates of a direction, scale included */
+  fum_vec3 spot_rows[3];    /* the spot's own coordinates of a direction, scale included */
   int32_t sample_count;
 } fum_lamp;
 

@@ -9,10 +9,10 @@
 /* What is lit through: the density octree with the paper's controls. */
 typedef struct fum_medium {
   const fum_octree *octree;
-  float *reaches;       /* of fum_reach_find */
-  float sigma_scale;    /* intersection test size */
-  float depth_scale;    /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
-  float depth_limit;    /* optical depth above which a receiver counts as dark: the walk ends early */
+  float *reaches;    /* of fum_reach_find */
+  float sigma_scale; /* intersection test size */
+  float depth_scale; /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
+  float depth_limit; /* optical depth above which a receiver counts as dark: the walk ends early */
 } fum_medium;
 
 /* Optical depth from each receiver to the emitter; only where is_lit (receivers' order) is nonzero, elsewhere

@@ -101,7 +101,8 @@ static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_e
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
-    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, w.length)) s->unblocked[i] += arriving;
+    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, w.length))
+      s->unblocked[i] += arriving;
   }
 }
 
@@ -135,7 +136,8 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     const float step = (progress[1] - progress[0]) / (float)lamp->sample_count;
     const float from = progress[0] + step * (float)sample;
     const fum_emitter emitter = fum_lamp_sample(lamp, sample);
-    status = fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
+    status =
+        fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
     if (status != FUM_OK) goto done;
     add_sample(g, lamp, &emitter, out_depths, &s);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");

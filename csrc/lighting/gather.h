@@ -9,7 +9,8 @@
 /* What a receiver makes of light that comes from the unit direction `to_light`. */
 typedef float (*fum_response_fn)(const void *user, uint32_t receiver, fum_vec3 to_light);
 
-/* Hears the optical depths that were found for a sample of a light, in receivers' order; only those that are lit count. */
+/* Hears the optical depths that were found for a sample of a light, in receivers' order; only those that are lit count.
+ */
 typedef void (*fum_listen_fn)(void *user, const fum_lamp *lamp, const fum_emitter *sample, const uint8_t *is_lit,
                               const float *depths);
 
@@ -30,7 +31,7 @@ typedef struct fum_gathering {
   float solid_shadow_intensity; /* share of the light that solids block */
   const fum_receivers *receivers;
   const fum_viewpoint *viewpoint; /* of receivers that are particles; NULL: points */
-  fum_response_fn response; /* NULL: the light's samples count alike whatever they send; out is a transmittance */
+  fum_response_fn response;       /* NULL: the light's samples count alike whatever they send; out is a transmittance */
   const void *response_user;
   fum_listen_fn listen; /* of fum_gather_light; NULL: nobody */
   void *listen_user;
@@ -40,8 +41,8 @@ typedef struct fum_gathering {
 int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
                          float *out_light);
 
-/* Optical depth through smoke and share that solids let through, [count of receivers] in receivers' order: means over the
- * light's samples, weighted with what each sends. `response` isn't used. `out_visible` may be NULL without solids,
+/* Optical depth through smoke and share that solids let through, [count of receivers] in receivers' order: means over
+ * the light's samples, weighted with what each sends. `response` isn't used. `out_visible` may be NULL without solids,
  * `out_sent` (irradiance before smoke and solids, as a factor on the light's colour) if it isn't wanted. */
 int32_t fum_gather_depths(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
                           float *out_depths, float *out_visible, float *out_sent);

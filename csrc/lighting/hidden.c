@@ -3,7 +3,9 @@
 
 #include "octree/beam.h"
 
-static int32_t coarse(int32_t samples) { return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP; }
+static int32_t coarse(int32_t samples) {
+  return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
+}
 
 static int64_t lay_values(const fum_lattice *lattice, int64_t *firsts) {
   int64_t count = 0;
@@ -26,7 +28,8 @@ static void place_points(const fum_view *view, const fum_slabs *slabs, const fum
                        (double)(grid->origin[1] + grid->spacing[1] * (float)(r * FUM_HIDDEN_STEP)),
                        (double)slabs->faces[f].range, local);
         float *p = positions + 3 * (firsts[f] + (int64_t)r * columns + c);
-        for (int axis = 0; axis < 3; axis++) p[axis] = (float)local[axis];
+        for (int axis = 0; axis < 3; axis++)
+          p[axis] = (float)local[axis];
       }
     }
   }
@@ -52,11 +55,13 @@ static int32_t solve(fum_context *context, const fum_octree *octree, const fum_v
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *depths, "hidden samples", &depths);
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *is_lit, "hidden samples", &is_lit);
   if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < points->count; i++) is_lit[i] = 1;
+  for (int64_t i = 0; i < points->count; i++)
+    is_lit[i] = 1;
   const fum_emitter camera = camera_of(view);
   status = fum_exact_solve(context, &medium, &receivers, &camera, is_lit, (float[2]){0.0F, 0.0F}, depths);
   if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < points->count; i++) out_depths[points->indices[i]] = depths[i];
+  for (int64_t i = 0; i < points->count; i++)
+    out_depths[points->indices[i]] = depths[i];
 done:
   fum_free(context, &is_lit);
   fum_free(context, &depths);

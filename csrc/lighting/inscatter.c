@@ -51,7 +51,8 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
   g.response_user = &who;
   g.viewpoint = viewpoint;
   int32_t total_samples = 0, samples_done = 0;
-  for (int32_t i = 0; i < scene->light_count; i++) total_samples += lamps[i].sample_count;
+  for (int32_t i = 0; i < scene->light_count; i++)
+    total_samples += lamps[i].sample_count;
   float *factors = NULL;
   int32_t status = fum_alloc(context, octree->count, sizeof *factors, "lighting", &factors);
   for (int32_t light = 0; light < scene->light_count && status == FUM_OK; light++) {
@@ -64,7 +65,8 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
     if (status != FUM_OK) break;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < octree->count; i++) {
-      for (int c = 0; c < 3; c++) out_light[3 * i + c] += color[c] * factors[i];
+      for (int c = 0; c < 3; c++)
+        out_light[3 * i + c] += color[c] * factors[i];
     }
   }
   fum_free(context, &factors);

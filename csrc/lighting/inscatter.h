@@ -5,7 +5,8 @@
 
 #include "lighting/gather.h"
 
-/* Henyey-Greenstein, 1/sr: `cosine` between the light's way and the way on to the camera. Integral over the sphere: 1. */
+/* Henyey-Greenstein, 1/sr: `cosine` between the light's way and the way on to the camera. Integral over the sphere: 1.
+ */
 float fum_phase(float anisotropy, float cosine);
 
 /* Lamps of the scene in the local space of the gathering's receivers. [light_count], freed with fum_free. */

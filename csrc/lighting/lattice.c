@@ -9,10 +9,11 @@
 /* Samples that cubic interpolation wants beyond a point on either side, and one for rounding. */
 enum { MARGIN = 3 };
 
-/* Samples stand at multiples of their spacing, so that a small change of the smoke's bounds moves none. Closer than pixels
- * there is nothing to see: then they stand on the pixels' centres. Returns how many there are along the axis. */
+/* Samples stand at multiples of their spacing, so that a small change of the smoke's bounds moves none. Closer than
+ * pixels there is nothing to see: then they stand on the pixels' centres. Returns how many there are along the axis. */
 static int32_t lay_axis(const fum_view *view, const fum_face *face, int axis, double wanted, fum_lattice_face *grid) {
-  const double pixel = (view->window[2 * axis + 1] - view->window[2 * axis]) / (double)(axis == 0 ? view->width : view->height);
+  const double pixel =
+      (view->window[2 * axis + 1] - view->window[2 * axis]) / (double)(axis == 0 ? view->width : view->height);
   const bool on_pixels = wanted < pixel;
   const double spacing = on_pixels ? pixel : wanted, phase = on_pixels ? view->window[2 * axis] + 0.5 * pixel : 0.0;
   const double first = floor(((double)face->lower[axis] - phase) / spacing) - MARGIN;
@@ -36,7 +37,8 @@ static int32_t lay_faces(fum_context *context, const fum_view *view, const fum_s
     const double spacing = (double)face->spacing, range = (double)face->range;
     const double wanted = is_perspective ? spacing / fmax(range, 2.0 * spacing) : spacing;
     int32_t counts[2];
-    for (int axis = 0; axis < 2; axis++) counts[axis] = lay_axis(view, face, axis, wanted, grid);
+    for (int axis = 0; axis < 2; axis++)
+      counts[axis] = lay_axis(view, face, axis, wanted, grid);
     grid->columns = counts[0];
     grid->rows = counts[1];
     lattice->sample_count += (int64_t)grid->columns * grid->rows;
@@ -95,8 +97,8 @@ static int32_t face_before(const fum_slabs *slabs, double range) {
 static void mark_particle(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                           float footprint_sigmas, const fum_lattice *lattice, int64_t i, marks *m) {
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
-  const double reach = fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[i]) /
-                       (double)octree->inverse_sigmas[i];
+  const double reach =
+      fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[i]) / (double)octree->inverse_sigmas[i];
   double c[3];
   fum_transform_point(view->camera_from_local, local, c);
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
@@ -114,8 +116,8 @@ static void mark_particle(const fum_octree *octree, const fum_view *view, const 
   }
 }
 
-static int32_t mark_samples(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                            float footprint_sigmas, const fum_lattice *lattice, marks *m) {
+static int32_t mark_samples(fum_context *context, const fum_octree *octree, const fum_view *view,
+                            const fum_slabs *slabs, float footprint_sigmas, const fum_lattice *lattice, marks *m) {
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 12)) continue;
@@ -138,9 +140,11 @@ typedef struct chosen {
 static int32_t collect(fum_context *context, const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice,
                        const marks *m, chosen *c) {
   const int64_t words = (lattice->sample_count + 63) / 64;
-  for (int64_t w = 0; w < words; w++) c->count += __builtin_popcountll(m->words[w]);
+  for (int64_t w = 0; w < words; w++)
+    c->count += __builtin_popcountll(m->words[w]);
   int32_t status = fum_alloc(context, c->count, sizeof *c->samples, "lattice of light", &c->samples);
-  if (status == FUM_OK) status = fum_alloc(context, c->count, 3 * sizeof *c->positions, "lattice of light", &c->positions);
+  if (status == FUM_OK)
+    status = fum_alloc(context, c->count, 3 * sizeof *c->positions, "lattice of light", &c->positions);
   if (status != FUM_OK) return status;
   int64_t n = 0;
   for (int32_t f = 0; f < lattice->face_count; f++) {
@@ -152,7 +156,8 @@ static int32_t collect(fum_context *context, const fum_view *view, const fum_sla
       const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
       const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
       fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
-      for (int axis = 0; axis < 3; axis++) c->positions[3 * n + axis] = (float)local[axis];
+      for (int axis = 0; axis < 3; axis++)
+        c->positions[3 * n + axis] = (float)local[axis];
       c->samples[n++] = (uint32_t)(grid->first + i);
     }
   }
@@ -190,7 +195,8 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
   fum_receivers receivers = {0};
   float *depths = NULL, *visible = NULL, *sent = NULL;
   int32_t total = 0, done_samples = 0;
-  for (int32_t l = 0; l < light_count; l++) total += lamps[l].sample_count;
+  for (int32_t l = 0; l < light_count; l++)
+    total += lamps[l].sample_count;
   int32_t status = fum_receivers_group(context, points, &receivers);
   if (status == FUM_OK) status = fum_alloc(context, c->count, sizeof *depths, "lattice of light", &depths);
   if (status == FUM_OK && lattice->visible != NULL) {
@@ -204,7 +210,8 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
   for (int32_t l = 0; l < light_count && status == FUM_OK; l++) {
     const float from = (float)done_samples / (float)total;
     done_samples += lamps[l].sample_count;
-    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible, sent);
+    status =
+        fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible, sent);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
     const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
@@ -225,8 +232,8 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
 }
 
 int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, float tolerance, const fum_gathering *gathering,
-                          int32_t light_count, const fum_lamp *lamps, fum_lattice *out_lattice) {
+                          float footprint_sigmas, float tolerance, const fum_gathering *gathering, int32_t light_count,
+                          const fum_lamp *lamps, fum_lattice *out_lattice) {
   fum_context *context = gathering->context;
   fum_lattice lattice = {.light_count = light_count};
   fum_octree *points = NULL;
@@ -238,8 +245,10 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
     status = fum_fail(context, FUM_ERROR_MEMORY, "lattice of light: %lld samples are too many; raise the tolerance",
                       (long long)lattice.sample_count);
   }
-  if (status == FUM_OK) status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
-  if (status == FUM_OK) status = fum_alloc(context, values, sizeof *lattice.depths, "lattice of light", &lattice.depths);
+  if (status == FUM_OK)
+    status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
+  if (status == FUM_OK)
+    status = fum_alloc(context, values, sizeof *lattice.depths, "lattice of light", &lattice.depths);
   if (status == FUM_OK && gathering->solids != NULL) {
     status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
   }
@@ -250,7 +259,8 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
   if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
   if (status == FUM_OK) status = unmark_hidden(context, octree, view, slabs, &lattice, tolerance, &m);
   if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
-  if (status == FUM_OK) status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
+  if (status == FUM_OK)
+    status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
   if (status == FUM_OK) status = light_samples(gathering, points, &c, light_count, lamps, &lattice);
   if (status == FUM_OK) {
     lattice.lit_count = c.count;

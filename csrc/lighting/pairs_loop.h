@@ -44,7 +44,9 @@ static float whole(const fum_sources *s, const fum_segment *segment) {
   return fum_vf_sum(sum);
 }
 
-static inline fum_vf at_least_zero(fum_vf v) { return fum_vf_select(v > 0.0F, v, (fum_vf){0}); }
+static inline fum_vf at_least_zero(fum_vf v) {
+  return fum_vf_select(v > 0.0F, v, (fum_vf){0});
+}
 
 static void hear(const fum_beam *beam, float bend, float reach, float sigma_scale, int32_t count, const float *x,
                  const float *y, const float *z, const float *inverse_sigmas, int32_t *out_heard) {

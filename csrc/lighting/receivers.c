@@ -8,7 +8,9 @@ static bool is_whole_group(const fum_octree_node *node) {
   return node->count <= FUM_GROUP_SIZE || node->children == 0;
 }
 
-static int64_t groups_of(const fum_octree_node *node) { return (node->count + FUM_GROUP_SIZE - 1) / FUM_GROUP_SIZE; }
+static int64_t groups_of(const fum_octree_node *node) {
+  return (node->count + FUM_GROUP_SIZE - 1) / FUM_GROUP_SIZE;
+}
 
 /* Children of nodes that became groups are passed over; they come later than their parents. */
 static int64_t count_groups(const fum_octree *octree, uint8_t *is_covered) {
@@ -18,7 +20,8 @@ static int64_t count_groups(const fum_octree *octree, uint8_t *is_covered) {
     const bool is_group = is_whole_group(node);
     if (!is_covered[i] && is_group) groups += groups_of(node);
     const int children = __builtin_popcount(node->octants);
-    for (int c = 0; c < children; c++) is_covered[node->children + (uint32_t)c] = is_covered[i] || is_group;
+    for (int c = 0; c < children; c++)
+      is_covered[node->children + (uint32_t)c] = is_covered[i] || is_group;
   }
   return groups;
 }
@@ -27,7 +30,6 @@ static int compare_begins(const void *a, const void *b) {
   const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
   return (x > y) - (x < y);
 }
-
 
 int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_receivers *out_receivers) {
   uint8_t *is_covered = NULL;
@@ -41,7 +43,8 @@ int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
     if (is_covered[i] || !is_whole_group(node)) continue;
-    for (uint32_t begin = 0; begin < node->count; begin += FUM_GROUP_SIZE) begins[n++] = node->begin + begin;
+    for (uint32_t begin = 0; begin < node->count; begin += FUM_GROUP_SIZE)
+      begins[n++] = node->begin + begin;
   }
   qsort(begins, (size_t)count, sizeof *begins, compare_begins);
   begins[count] = (uint32_t)octree->count;
@@ -53,4 +56,6 @@ done:
   return status;
 }
 
-void fum_receivers_free(fum_context *context, fum_receivers *receivers) { fum_free(context, &receivers->group_begins); }
+void fum_receivers_free(fum_context *context, fum_receivers *receivers) {
+  fum_free(context, &receivers->group_begins);
+}

@@ -36,7 +36,8 @@ int32_t fum_reach_find(fum_context *context, const fum_octree *octree, float tra
   for (int64_t i = octree->node_count - 1; i >= 0; i--) {
     const fum_octree_node *node = &octree->nodes[i];
     const int children = __builtin_popcount(node->octants);
-    for (int c = 0; c < children; c++) reaches[i] = fmaxf(reaches[i], reaches[node->children + (uint32_t)c]);
+    for (int c = 0; c < children; c++)
+      reaches[i] = fmaxf(reaches[i], reaches[node->children + (uint32_t)c]);
   }
   *out_reaches = reaches;
   return FUM_OK;
@@ -55,10 +56,9 @@ static bool hears(const fum_beam *beam, const fum_octree_node *node, float reach
   if (s + extent + reach < beam->first || s - extent - reach > beam->last) return false;
   const fum_vec3 offset = fum_mad(axis, -s, d);
   const float distance = fum_length(offset);
-  const float across =
-      distance > 0.0F
-          ? (fabsf(offset.x) * half.x + fabsf(offset.y) * half.y + fabsf(offset.z) * half.z) / distance
-          : fum_length(half);
+  const float across = distance > 0.0F
+                           ? (fabsf(offset.x) * half.x + fabsf(offset.y) * half.y + fabsf(offset.z) * half.z) / distance
+                           : fum_length(half);
   const float widest = s + (beam->slope > 0.0F ? extent : -extent);
   /* 1e-6: rounding of the coordinates must not refuse a box that touches. */
   return distance - across <= 1.00001F * fum_beam_hearing(beam, widest, reach) + 1e-6F * (fabsf(s) + extent);

@@ -27,7 +27,8 @@ typedef struct fum_beam {
  * `reach` holds for all of them. Returns false to end the walk. */
 typedef bool (*fum_beam_visit)(void *user, uint32_t begin, uint32_t end, float reach);
 
-void fum_beam_walk(const fum_octree *octree, const float *reaches, const fum_beam *beam, fum_beam_visit visit, void *user);
+void fum_beam_walk(const fum_octree *octree, const float *reaches, const fum_beam *beam, fum_beam_visit visit,
+                   void *user);
 
 /* Largest distance from the axis, at distance s along it, at which something that is heard over `reach` matters. */
 static inline float fum_beam_hearing(const fum_beam *beam, float s, float reach) {

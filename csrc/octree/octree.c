@@ -22,7 +22,8 @@ static int32_t allocate(fum_context *context, int64_t count, bool has_density, f
   if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->z, what, &octree->z);
   if (status != FUM_OK || !has_density) return status;
   status = fum_alloc(context, padded, sizeof *octree->inverse_sigmas, what, &octree->inverse_sigmas);
-  if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->optical_depths, what, &octree->optical_depths);
+  if (status == FUM_OK)
+    status = fum_alloc(context, padded, sizeof *octree->optical_depths, what, &octree->optical_depths);
   return status;
 }
 
@@ -61,8 +62,10 @@ typedef struct morton_cube {
 
 static morton_cube find_cube(fum_context *context, const unsorted *points) {
   float lx = INFINITY, ly = INFINITY, lz = INFINITY, ux = -INFINITY, uy = -INFINITY, uz = -INFINITY;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) \
-    reduction(min : lx, ly, lz) reduction(max : ux, uy, uz)
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(min                         \
+                                                                                           : lx, ly, lz)               \
+    reduction(max                                                                                                      \
+              : ux, uy, uz)
   for (int64_t i = 0; i < points->count; i++) {
     const float *p = points->positions + 3 * i;
     lx = fminf(lx, p[0]), ux = fmaxf(ux, p[0]);
@@ -120,8 +123,7 @@ static void subdivide(fum_octree *octree, const uint64_t *codes, int64_t node_in
   node->children = (uint32_t)octree->node_count;
   int64_t first = begin;
   for (uint64_t octant = 0; octant < 8 && first < end; octant++) {
-    const int64_t last =
-        octant == 7 ? end : lower_bound(codes, first, end, prefix + ((octant + 1) << (3 * level)));
+    const int64_t last = octant == 7 ? end : lower_bound(codes, first, end, prefix + ((octant + 1) << (3 * level)));
     if (last == first) continue;
     node->octants |= (uint8_t)(1 << octant);
     octree->nodes[octree->node_count++] =
@@ -224,7 +226,8 @@ done:
 }
 
 static void local_from_world(const double origin[3], const float *world, float *out_local) {
-  for (int axis = 0; axis < 3; axis++) out_local[axis] = (float)((double)world[axis] - origin[axis]);
+  for (int axis = 0; axis < 3; axis++)
+    out_local[axis] = (float)((double)world[axis] - origin[axis]);
 }
 
 static bool is_chosen(const fum_scene *scene, const fum_particles *set, int64_t i, float share) {
@@ -235,7 +238,8 @@ static int64_t count_chosen(const fum_scene *scene, float share) {
   int64_t count = share >= 1.0F ? scene->particle_count : 0;
   for (int32_t s = 0; share < 1.0F && s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
-    for (int64_t i = 0; i < set->count; i++) count += is_chosen(scene, set, i, share);
+    for (int64_t i = 0; i < set->count; i++)
+      count += is_chosen(scene, set, i, share);
   }
   return count;
 }

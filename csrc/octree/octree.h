@@ -1,26 +1,27 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The density octree (paper, 3.1): particles as points in Morton order, cells subdivided only where they hold more than
- * the leaf size. Loose: a particle's radius may reach over its cell; each node knows how far its own particles reach. */
+ * the leaf size. Loose: a particle's radius may reach over its cell; each node knows how far its own particles reach.
+ */
 #ifndef FUM_OCTREE_OCTREE_H
 #define FUM_OCTREE_OCTREE_H
 
 #include "scene/scene.h"
 
 typedef struct fum_octree_node {
-  float lower[3], upper[3];   /* box of the centres, local space */
-  uint32_t begin, count;      /* its particles */
-  uint32_t children;          /* index of the first child; children are consecutive. 0: a leaf */
-  uint8_t octants;            /* bit o is set: there is a child in octant o (x is bit 0) */
+  float lower[3], upper[3]; /* box of the centres, local space */
+  uint32_t begin, count;    /* its particles */
+  uint32_t children;        /* index of the first child; children are consecutive. 0: a leaf */
+  uint8_t octants;          /* bit o is set: there is a child in octant o (x is bit 0) */
 } fum_octree_node;
 
 /* Float arrays have this many readable entries behind their last, so that vector loads may run over. */
 enum { FUM_OCTREE_PAD = 16 };
 
 typedef struct fum_octree {
-  double origin[3];    /* world position of local zero */
-  int64_t count;       /* particles */
-  uint32_t *indices;   /* [count] index that the particle was built with, in Morton order */
-  float *x, *y, *z;    /* [count] local space */
+  double origin[3];                       /* world position of local zero */
+  int64_t count;                          /* particles */
+  uint32_t *indices;                      /* [count] index that the particle was built with, in Morton order */
+  float *x, *y, *z;                       /* [count] local space */
   float *inverse_sigmas, *optical_depths; /* [count] of one particle, through its centre; NULL in an octree of points */
   int64_t node_count;
   fum_octree_node *nodes; /* node 0 is the root; a child comes after its parent; none if there are no particles */

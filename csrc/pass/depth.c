@@ -89,13 +89,16 @@ static bool lay_out(tile *t) {
   const float *from[5] = {octree->x, octree->y, octree->z, octree->inverse_sigmas, octree->optical_depths};
   for (int a = 0; a < 5; a++) {
     float *to = t->arrays + a * stride;
-    for (int64_t i = 0; i < t->count; i++) to[i] = from[a][t->heard[i].particle];
-    for (int64_t i = t->count; i < stride; i++) to[i] = a == 3 ? 1.0F : 0.0F;
+    for (int64_t i = 0; i < t->count; i++)
+      to[i] = from[a][t->heard[i].particle];
+    for (int64_t i = t->count; i < stride; i++)
+      to[i] = a == 3 ? 1.0F : 0.0F;
   }
   for (int64_t b = 0; b < t->block_count; b++) {
     const int64_t begin = b * BLOCK, end = begin + BLOCK < t->count ? begin + BLOCK : t->count;
     float narrowest = INFINITY;
-    for (int64_t i = begin; i < end; i++) narrowest = fminf(narrowest, t->arrays[3 * stride + i]);
+    for (int64_t i = begin; i < end; i++)
+      narrowest = fminf(narrowest, t->arrays[3 * stride + i]);
     t->blocks[b] = (block){t->heard[begin].along, t->heard[end - 1].along, 1.0F / narrowest, NAN};
   }
   return true;
@@ -129,7 +132,8 @@ static float depth_along(tile *t, const fum_segment *segment) {
 /* Length along the segment at which the optical depth reaches ln 2; its whole length if it doesn't. Bisection with
  * regula falsi (Illinois) where the depth grows steadily. */
 static float find_half(tile *t, fum_segment segment) {
-  for (int64_t i = 0; i < t->block_count; i++) t->blocks[i].whole_depth = NAN;
+  for (int64_t i = 0; i < t->block_count; i++)
+    t->blocks[i].whole_depth = NAN;
   float low = 0.0F, high = segment.length;
   float below = -HALF_DEPTH, above = depth_along(t, &segment) - HALF_DEPTH;
   if (!(above >= 0.0F)) return segment.length;
@@ -172,7 +176,8 @@ static pixel_ray make_ray(const fum_view *view, double x, double y, double near,
 static void find_extent(const fum_octree *octree, float reach, const fum_view *view, double extent[2]) {
   const fum_octree_node *root = &octree->nodes[0];
   double middle[3], camera[3], radius = (double)reach;
-  for (int axis = 0; axis < 3; axis++) middle[axis] = 0.5 * ((double)root->lower[axis] + (double)root->upper[axis]);
+  for (int axis = 0; axis < 3; axis++)
+    middle[axis] = 0.5 * ((double)root->lower[axis] + (double)root->upper[axis]);
   radius += 0.5 * hypot(hypot((double)(root->upper[0] - root->lower[0]), (double)(root->upper[1] - root->lower[1])),
                         (double)(root->upper[2] - root->lower[2]));
   fum_transform_point(view->camera_from_local, middle, camera);
@@ -243,7 +248,8 @@ int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const flo
   const int64_t across = (view->width + TILE - 1) / TILE, count = across * ((view->height + TILE - 1) / TILE);
   if (octree->node_count == 0) {
     const int64_t pixels = (int64_t)view->width * view->height;
-    for (int64_t i = 0; i < pixels; i++) out_depths[i] = solid_depths != NULL ? solid_depths[i] : (float)view->clip_end;
+    for (int64_t i = 0; i < pixels; i++)
+      out_depths[i] = solid_depths != NULL ? solid_depths[i] : (float)view->clip_end;
     return FUM_OK;
   }
   atomic_int_least64_t tiles_done = 0;
@@ -254,7 +260,8 @@ int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const flo
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < count; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
-      find_tile(&t, reaches, view, solid_depths, (int32_t)(i % across) * TILE, (int32_t)(i / across) * TILE, out_depths);
+      find_tile(&t, reaches, view, solid_depths, (int32_t)(i % across) * TILE, (int32_t)(i / across) * TILE,
+                out_depths);
       if (t.is_out_of_memory) atomic_store(&is_out_of_memory, true);
       const int64_t done = atomic_fetch_add(&tiles_done, 1) + 1;
       if (omp_get_thread_num() == 0) {
@@ -263,6 +270,7 @@ int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const flo
     }
     free_tile(&t);
   }
-  if (atomic_load(&is_out_of_memory)) return fum_fail(context, FUM_ERROR_MEMORY, "Depth: no memory for a tile's particles");
+  if (atomic_load(&is_out_of_memory))
+    return fum_fail(context, FUM_ERROR_MEMORY, "Depth: no memory for a tile's particles");
   return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }

@@ -4,7 +4,8 @@
 static const fum_pass_info TABLE[] = {
     {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity"},
     {FUM_PASS_DEPTH, 1, "Depth", "Z", "VALUE",
-     "Depth along the camera's axis, m, at which half of the light gets through to the camera; of the solid there where "
+     "Depth along the camera's axis, m, at which half of the light gets through to the camera; of the solid there "
+     "where "
      "the smoke in front is thinner; the end of the clip range where there is neither"},
 };
 

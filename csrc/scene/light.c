@@ -12,13 +12,15 @@ void fum_light_desc_init(fum_light_desc *desc) {
                            .spot_blend = 0.15F,
                            .area_size = {1.0F, 1.0F},
                            .area_spread = (float)FUM_PI};
-  for (int i = 0; i < 4; i++) desc->world_from_light[5 * i] = 1.0;
+  for (int i = 0; i < 4; i++)
+    desc->world_from_light[5 * i] = 1.0;
 }
 
-static int32_t check_range(fum_context *context, const char *name, const char *field, float value, float low, float high) {
+static int32_t check_range(fum_context *context, const char *name, const char *field, float value, float low,
+                           float high) {
   if (value >= low && value <= high) return FUM_OK;
-  return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %s %g is not within %g..%g", name, field, (double)value, (double)low,
-                  (double)high);
+  return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %s %g is not within %g..%g", name, field, (double)value,
+                  (double)low, (double)high);
 }
 
 static int32_t check_shape(fum_context *context, const fum_light_desc *d, const char *name) {
@@ -31,7 +33,8 @@ static int32_t check_shape(fum_context *context, const fum_light_desc *d, const 
     status = check_range(context, name, "spot_angle", d->spot_angle, tiny, pi);
     if (status == FUM_OK) status = check_range(context, name, "spot_blend", d->spot_blend, 0.0F, 1.0F);
   }
-  if (status == FUM_OK && d->type == FUM_LIGHT_SUN) status = check_range(context, name, "sun_angle", d->sun_angle, 0.0F, pi);
+  if (status == FUM_OK && d->type == FUM_LIGHT_SUN)
+    status = check_range(context, name, "sun_angle", d->sun_angle, 0.0F, pi);
   if (status == FUM_OK && d->type == FUM_LIGHT_AREA) {
     status = check_range(context, name, "area_spread", d->area_spread, tiny, pi);
     for (int axis = 0; axis < 2 && status == FUM_OK; axis++) {
@@ -88,7 +91,8 @@ int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
 }
 
 void fum_scene_clear_lights(fum_scene *scene) {
-  for (int32_t i = 0; i < scene->light_count; i++) free(scene->lights[i].name);
+  for (int32_t i = 0; i < scene->light_count; i++)
+    free(scene->lights[i].name);
   free(scene->lights);
   scene->lights = NULL;
   scene->light_count = 0;

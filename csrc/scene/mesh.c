@@ -30,8 +30,8 @@ static int32_t check_arrays(fum_context *context, const fum_mesh_desc *d, const 
 static int32_t check_desc(fum_context *context, const fum_mesh_desc *d, const char *name) {
   const int64_t limit = UINT32_MAX;
   if (d->vertex_count < 0 || d->vertex_count > limit || d->triangle_count < 0 || d->triangle_count > limit) {
-    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %lld vertices and %lld triangles are not within 0..4294967295", name,
-                    (long long)d->vertex_count, (long long)d->triangle_count);
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %lld vertices and %lld triangles are not within 0..4294967295",
+                    name, (long long)d->vertex_count, (long long)d->triangle_count);
   }
   if ((d->vertex_count > 0 && d->vertices == NULL) || (d->triangle_count > 0 && d->triangles == NULL)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: vertices or triangles are missing", name);
@@ -49,7 +49,8 @@ static void free_mesh(fum_context *context, fum_mesh *mesh) {
 }
 
 void fum_scene_free_meshes(fum_scene *scene) {
-  for (int32_t i = 0; i < scene->mesh_count; i++) free_mesh(scene->context, &scene->meshes[i]);
+  for (int32_t i = 0; i < scene->mesh_count; i++)
+    free_mesh(scene->context, &scene->meshes[i]);
   free(scene->meshes);
   scene->meshes = NULL;
   scene->mesh_count = 0;
@@ -61,7 +62,8 @@ static int32_t copy_mesh(fum_context *context, const fum_mesh_desc *d, const cha
   status = fum_alloc(context, d->triangle_count, 3 * sizeof *mesh->triangles, name, &mesh->triangles);
   if (status != FUM_OK) return status;
   if (d->vertex_count > 0) memcpy(mesh->vertices, d->vertices, (size_t)d->vertex_count * 3 * sizeof *mesh->vertices);
-  if (d->triangle_count > 0) memcpy(mesh->triangles, d->triangles, (size_t)d->triangle_count * 3 * sizeof *mesh->triangles);
+  if (d->triangle_count > 0)
+    memcpy(mesh->triangles, d->triangles, (size_t)d->triangle_count * 3 * sizeof *mesh->triangles);
   return FUM_OK;
 }
 
@@ -71,9 +73,8 @@ int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "mesh: the description has no valid struct_size");
   }
   const char *name = desc->name != NULL ? desc->name : "mesh";
-  fum_mesh mesh = {.visibility = desc->visibility,
-                   .vertex_count = desc->vertex_count,
-                   .triangle_count = desc->triangle_count};
+  fum_mesh mesh = {
+      .visibility = desc->visibility, .vertex_count = desc->vertex_count, .triangle_count = desc->triangle_count};
   memcpy(mesh.world_from_local, desc->world_from_local, sizeof mesh.world_from_local);
   int32_t status = check_desc(context, desc, name);
   if (status == FUM_OK) status = copy_mesh(context, desc, name, &mesh);

@@ -10,13 +10,13 @@
 static const int64_t MAX_PARTICLES = 4294967294;
 
 void fum_particles_desc_init(fum_particles_desc *desc) {
-  *desc = (fum_particles_desc){.struct_size = sizeof *desc,
-                               .radius = 0.1F,
-                               .density = 1.0F,
-                               .albedo = {0.8F, 0.8F, 0.8F}};
+  *desc =
+      (fum_particles_desc){.struct_size = sizeof *desc, .radius = 0.1F, .density = 1.0F, .albedo = {0.8F, 0.8F, 0.8F}};
 }
 
-static bool is_extensive(float value) { return isfinite(value) && value >= 0.0F; }
+static bool is_extensive(float value) {
+  return isfinite(value) && value >= 0.0F;
+}
 
 static bool is_albedo(const float *rgb) {
   for (int c = 0; c < 3; c++) {
@@ -25,17 +25,23 @@ static bool is_albedo(const float *rgb) {
   return true;
 }
 
-static bool is_radiance(const float *rgb) { return is_extensive(rgb[0]) && is_extensive(rgb[1]) && is_extensive(rgb[2]); }
+static bool is_radiance(const float *rgb) {
+  return is_extensive(rgb[0]) && is_extensive(rgb[1]) && is_extensive(rgb[2]);
+}
 
-static bool is_finite3(const float *v) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
+static bool is_finite3(const float *v) {
+  return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]);
+}
 
 static int32_t check_desc(fum_context *context, const fum_particles_desc *d, const char *name) {
   if (d->count < 0) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: count %lld is negative", name, (long long)d->count);
   }
-  if (d->count > 0 && d->positions == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: positions are missing", name);
+  if (d->count > 0 && d->positions == NULL)
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: positions are missing", name);
   if (!(d->anisotropy > -1.0F && d->anisotropy < 1.0F)) {
-    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: anisotropy %g is not between -1 and 1", name, (double)d->anisotropy);
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: anisotropy %g is not between -1 and 1", name,
+                    (double)d->anisotropy);
   }
   if (d->radii == NULL && !is_extensive(d->radius)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: radius %g is not a length", name, (double)d->radius);
@@ -72,8 +78,8 @@ static const char *unusable_field(const fum_particles_desc *d, int64_t i) {
 }
 
 /* Indices of the usable particles in the order of their ids. */
-static int32_t choose_particles(fum_context *context, const fum_particles_desc *d, uint32_t *out_chosen, int64_t *out_count,
-                                drop_report *out_report) {
+static int32_t choose_particles(fum_context *context, const fum_particles_desc *d, uint32_t *out_chosen,
+                                int64_t *out_count, drop_report *out_report) {
   int64_t count = 0;
   bool ascending = true;
   uint64_t last_id = 0;
@@ -95,7 +101,8 @@ static int32_t choose_particles(fum_context *context, const fum_particles_desc *
   uint64_t *keys = NULL;
   int32_t status = fum_alloc(context, count, sizeof *keys, "particle ids", &keys);
   if (status != FUM_OK) return status;
-  for (int64_t i = 0; i < count; i++) keys[i] = d->ids[out_chosen[i]];
+  for (int64_t i = 0; i < count; i++)
+    keys[i] = d->ids[out_chosen[i]];
   status = fum_radix_sort(context, count, 0, keys, out_chosen);
   fum_free(context, &keys);
   return status;
@@ -109,7 +116,8 @@ static int32_t gather(fum_context *context, const char *name, const float *from,
   float *to = *out;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < count; i++) {
-    for (int c = 0; c < width; c++) to[i * width + c] = from[(int64_t)chosen[i] * width + c];
+    for (int c = 0; c < width; c++)
+      to[i * width + c] = from[(int64_t)chosen[i] * width + c];
   }
   return FUM_OK;
 }
@@ -118,7 +126,8 @@ static int32_t gather_uniform(fum_context *context, const char *name, const floa
                               const uint32_t *chosen, float **out) {
   if (from != NULL) return gather(context, name, from, 1, count, chosen, out);
   const int32_t status = fum_alloc(context, count, sizeof **out, name, out);
-  for (int64_t i = 0; status == FUM_OK && i < count; i++) (*out)[i] = uniform;
+  for (int64_t i = 0; status == FUM_OK && i < count; i++)
+    (*out)[i] = uniform;
   return status;
 }
 
@@ -134,7 +143,8 @@ static void free_particles(fum_context *context, fum_particles *set) {
 }
 
 void fum_scene_free_particles(fum_scene *scene) {
-  for (int32_t i = 0; i < scene->particles_count; i++) free_particles(scene->context, &scene->particles[i]);
+  for (int32_t i = 0; i < scene->particles_count; i++)
+    free_particles(scene->context, &scene->particles[i]);
   free(scene->particles);
   scene->particles = NULL;
   scene->particles_count = 0;
@@ -144,14 +154,17 @@ static int32_t copy_particles(fum_context *context, const fum_particles_desc *d,
                               const uint32_t *chosen, fum_particles *set) {
   int32_t status = gather(context, name, d->positions, 3, count, chosen, &set->positions);
   if (status == FUM_OK) status = gather_uniform(context, name, d->radii, d->radius, count, chosen, &set->sigmas);
-  if (status == FUM_OK) status = gather_uniform(context, name, d->densities, d->density, count, chosen, &set->densities);
+  if (status == FUM_OK)
+    status = gather_uniform(context, name, d->densities, d->density, count, chosen, &set->densities);
   if (status == FUM_OK) status = gather(context, name, d->albedos, 3, count, chosen, &set->albedos);
   if (status == FUM_OK) status = gather(context, name, d->emissions, 3, count, chosen, &set->emissions);
   if (status == FUM_OK) status = gather(context, name, d->velocities, 3, count, chosen, &set->velocities);
   if (status == FUM_OK && d->ids != NULL) status = fum_alloc(context, count, sizeof *set->ids, name, &set->ids);
   if (status != FUM_OK) return status;
-  for (int64_t i = 0; i < count; i++) set->sigmas[i] *= 0.5F;
-  for (int64_t i = 0; set->ids != NULL && i < count; i++) set->ids[i] = d->ids[chosen[i]];
+  for (int64_t i = 0; i < count; i++)
+    set->sigmas[i] *= 0.5F;
+  for (int64_t i = 0; set->ids != NULL && i < count; i++)
+    set->ids[i] = d->ids[chosen[i]];
   return FUM_OK;
 }
 

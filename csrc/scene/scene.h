@@ -11,9 +11,9 @@ typedef struct fum_particles {
   int64_t offset; /* scene index of its first particle */
   int64_t count;
   float anisotropy;
-  float *positions; /* [3 count] world space */
-  float *sigmas;    /* [count] m */
-  float *densities; /* [count] peak extinction, 1/m */
+  float *positions;                        /* [3 count] world space */
+  float *sigmas;                           /* [count] m */
+  float *densities;                        /* [count] peak extinction, 1/m */
   float *albedos, *emissions, *velocities; /* [3 count] or NULL */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
   float albedo[3], emission[3];
@@ -42,7 +42,7 @@ struct fum_scene {
   int32_t mesh_count;
   fum_light *lights;
   int32_t light_count;
-  double origin[3];         /* what is built from the scene lives in coordinates relative to this point... */
+  double origin[3];          /* what is built from the scene lives in coordinates relative to this point... */
   struct fum_caches *caches; /* ...and is kept here by api/, until particles or meshes change */
 };
 

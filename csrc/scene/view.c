@@ -12,7 +12,8 @@ void fum_camera_init(fum_camera *camera) {
                          .clip_end = 1000.0,
                          .width = 512,
                          .height = 512};
-  for (int i = 0; i < 4; i++) camera->world_from_camera[5 * i] = 1.0;
+  for (int i = 0; i < 4; i++)
+    camera->world_from_camera[5 * i] = 1.0;
 }
 
 static int32_t check(fum_context *context, const fum_camera *c) {
@@ -50,7 +51,8 @@ static bool invert(const double m[16], double out[16]) {
                           c2 * s, (m[1] * m[8] - m[0] * m[9]) * s,  (m[0] * m[5] - m[1] * m[4]) * s};
   for (int r = 0; r < 3; r++) {
     const double *a = rows + 3 * r;
-    for (int c = 0; c < 3; c++) out[4 * r + c] = a[c];
+    for (int c = 0; c < 3; c++)
+      out[4 * r + c] = a[c];
     out[4 * r + 3] = -(a[0] * m[3] + a[1] * m[7] + a[2] * m[11]);
   }
   memcpy(out + 12, (double[4]){0.0, 0.0, 0.0, 1.0}, 4 * sizeof *out);
@@ -71,7 +73,8 @@ int32_t fum_view_init(fum_context *context, const fum_camera *camera, fum_view *
   for (int column = 0; column < 3; column++) {
     double axis[3] = {0};
     (void)fum_matrix_axis(camera->world_from_camera, column, axis);
-    for (int row = 0; row < 3; row++) view.local_from_camera[4 * row + column] = axis[row];
+    for (int row = 0; row < 3; row++)
+      view.local_from_camera[4 * row + column] = axis[row];
   }
   if (!invert(view.local_from_camera, view.camera_from_local)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: the matrix has no inverse");

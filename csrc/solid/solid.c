@@ -44,7 +44,8 @@ static void transform_vertices(const fum_scene *scene, const fum_mesh *mesh, flo
     const float *v = mesh->vertices + 3 * i;
     double world[3];
     fum_transform_point(mesh->world_from_local, (double[3]){(double)v[0], (double)v[1], (double)v[2]}, world);
-    for (int axis = 0; axis < 3; axis++) out_vertices[3 * i + axis] = (float)(world[axis] - scene->origin[axis]);
+    for (int axis = 0; axis < 3; axis++)
+      out_vertices[3 * i + axis] = (float)(world[axis] - scene->origin[axis]);
   }
 }
 
@@ -101,7 +102,8 @@ static void commit(fum_context *context, RTCScene scene) {
 int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
   fum_context *context = scene->context;
   int64_t triangles = 0;
-  for (int32_t i = 0; i < scene->mesh_count; i++) triangles += scene->meshes[i].triangle_count;
+  for (int32_t i = 0; i < scene->mesh_count; i++)
+    triangles += scene->meshes[i].triangle_count;
   if (triangles == 0) return FUM_OK;
   char message[256] = "", options[64];
   int32_t status = FUM_OK;
@@ -164,7 +166,9 @@ bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 dire
   return ray.tfar < 0.0F;
 }
 
-bool fum_solids_hide_from_camera(const fum_solids *solids) { return solids != NULL && solids->camera != NULL; }
+bool fum_solids_hide_from_camera(const fum_solids *solids) {
+  return solids != NULL && solids->camera != NULL;
+}
 
 float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far) {
   if (!fum_solids_hide_from_camera(solids)) return far;

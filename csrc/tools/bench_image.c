@@ -106,9 +106,8 @@ static int compare_row(fum_context *context, const options *o, const cloud *c, c
          "\"image_rms_relative\": %.4g, \"bias\": %.4g, \"light_s\": %.4f, \"draw_s\": %.4f, \"slices\": %lld, "
          "\"samples\": %lld, \"reference_s\": %.2f, \"reference_error\": %.2g}\n",
          o->file != NULL ? "file" : o->scene, lights->name, (long long)c->count, c->depth,
-         (double)o->settings.tolerance, rms, bias, k->stats.light_s, k->stats.draw_s,
-         (long long)k->stats.slab_count, (long long)k->stats.light_points, k->reference_stats.total_s,
-         k->reference_stats.error);
+         (double)o->settings.tolerance, rms, bias, k->stats.light_s, k->stats.draw_s, (long long)k->stats.slab_count,
+         (long long)k->stats.light_points, k->reference_stats.total_s, k->reference_stats.error);
   fflush(stdout);
   return 0;
 }

@@ -11,7 +11,8 @@ double brute_transmittance(const cloud *c, const double from[3], const double to
     length += u[axis] * u[axis];
   }
   length = sqrt(length);
-  for (int axis = 0; axis < 3; axis++) u[axis] /= length;
+  for (int axis = 0; axis < 3; axis++)
+    u[axis] /= length;
 #pragma omp parallel for reduction(+ : depth)
   for (int64_t i = 0; i < c->count; i++) {
     double t = 0.0, squared = 0.0, d[3];
@@ -25,7 +26,8 @@ double brute_transmittance(const cloud *c, const double from[3], const double to
     }
     const double sigma = 0.5 * (double)c->radii[i], root = sigma * sqrt(2.0);
     const double interval = 0.5 * (erf((length - t) / root) - erf(-t / root));
-    depth += (double)c->densities[i] * sigma * 2.50662827463100050242 * exp(-0.5 * squared / (sigma * sigma)) * interval;
+    depth +=
+        (double)c->densities[i] * sigma * 2.50662827463100050242 * exp(-0.5 * squared / (sigma * sigma)) * interval;
   }
   return exp(-depth);
 }
@@ -39,7 +41,8 @@ error_summary summarize(int64_t count, double *errors) {
   error_summary summary = {0};
   if (count == 0) return summary;
   double squares = 0.0;
-  for (int64_t i = 0; i < count; i++) squares += errors[i] * errors[i];
+  for (int64_t i = 0; i < count; i++)
+    squares += errors[i] * errors[i];
   qsort(errors, (size_t)count, sizeof *errors, compare);
   summary.rms = sqrt(squares / (double)count);
   summary.p95 = errors[(count - 1) * 95 / 100];

@@ -54,7 +54,8 @@ static inline puffs puffs_random(int64_t count, uint64_t seed, float half_size, 
   assert_true(p.positions != NULL && p.radii != NULL && p.densities != NULL);
   for (int64_t i = 0; i < count; i++) {
     const uint64_t s = fum_hash64(seed) + (uint64_t)i * 5;
-    for (int axis = 0; axis < 3; axis++) p.positions[3 * i + axis] = uniform(s + (uint64_t)axis, -half_size, half_size);
+    for (int axis = 0; axis < 3; axis++)
+      p.positions[3 * i + axis] = uniform(s + (uint64_t)axis, -half_size, half_size);
     p.radii[i] = radius * uniform(s + 3, 0.5F, 1.5F);
     p.densities[i] = density * uniform(s + 4, 0.5F, 1.5F);
   }
@@ -80,7 +81,8 @@ static inline void add_puffs(fum_scene *scene, const puffs *p) {
 static inline void add_point_light(fum_scene *scene, const double position[3]) {
   fum_light_desc desc;
   fum_light_desc_init(&desc);
-  for (int axis = 0; axis < 3; axis++) desc.world_from_light[4 * axis + 3] = position[axis];
+  for (int axis = 0; axis < 3; axis++)
+    desc.world_from_light[4 * axis + 3] = position[axis];
   assert_int_equal(fum_scene_add_light(scene, &desc), FUM_OK);
 }
 
@@ -106,7 +108,8 @@ static inline double brute_depth(const puffs *p, const double from[3], const dou
     const double sigma = 0.5 * (double)p->radii[i], root = sigma * sqrt(2.0);
     const double a = -t / root, b = (length - t) / root;
     const double interval = a > 0.0 ? erfc(a) - erfc(b) : b < 0.0 ? erfc(-b) - erfc(-a) : erf(b) - erf(a);
-    depth += (double)p->densities[i] * sigma * 2.50662827463100050242 * exp(-0.5 * d2 / (sigma * sigma)) * 0.5 * interval;
+    depth +=
+        (double)p->densities[i] * sigma * 2.50662827463100050242 * exp(-0.5 * d2 / (sigma * sigma)) * 0.5 * interval;
   }
   return depth;
 }

@@ -24,7 +24,8 @@ static void test_radix_sort_is_stable_for_any_number_of_threads(void **state) {
     qsort(expected, COUNT, sizeof *expected, compare_keys);
     assert_int_equal(fum_radix_sort(context, COUNT, 0, keys, values), FUM_OK);
     assert_memory_equal(keys, expected, sizeof keys);
-    for (int i = 1; i < COUNT; i++) assert_true(keys[i - 1] < keys[i] || values[i - 1] < values[i]);
+    for (int i = 1; i < COUNT; i++)
+      assert_true(keys[i - 1] < keys[i] || values[i - 1] < values[i]);
     if (threads == 1) {
       memcpy(first_keys, keys, sizeof keys);
       memcpy(first_values, values, sizeof values);
@@ -40,7 +41,8 @@ static void test_radix_sort_by_high_bits_keeps_low_bits_in_order(void **state) {
   fum_context *context = NULL;
   assert_int_equal(fum_context_create(&context), FUM_OK);
   uint64_t keys[COUNT];
-  for (uint64_t i = 0; i < COUNT; i++) keys[i] = (fum_hash64(i) % 4) << 32 | (COUNT - i);
+  for (uint64_t i = 0; i < COUNT; i++)
+    keys[i] = (fum_hash64(i) % 4) << 32 | (COUNT - i);
   assert_int_equal(fum_radix_sort(context, COUNT, 32, keys, NULL), FUM_OK);
   for (int i = 1; i < COUNT; i++) {
     assert_true(keys[i - 1] >> 32 <= keys[i] >> 32);
@@ -71,7 +73,8 @@ static void test_warnings_come_once(void **state) {
   (void)state;
   fum_context *context = NULL;
   assert_int_equal(fum_context_create(&context), FUM_OK);
-  for (int i = 0; i < 3; i++) fum_warn(context, "value %d", i / 2);
+  for (int i = 0; i < 3; i++)
+    fum_warn(context, "value %d", i / 2);
   assert_int_equal(fum_warning_count(context), 2);
   assert_string_equal(fum_warning(context, 1), "value 1");
   assert_null(fum_warning(context, 2));

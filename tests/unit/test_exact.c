@@ -24,7 +24,8 @@ static void test_one_particle(void **state) {
   p.radii[0] = 1.0F;
   p.densities[0] = 2.0F;
   const double lights[][3] = {{3, 0, 0}, {0.2, 0.1, 0}, {0, 0, 0}, {0, 5, 0.3}, {-0.4, 0, 0}};
-  const float points[] = {-3, 0, 0, -3, 0.4F, 0, -3, 3, 0, 0, 0, 0, 0.1F, 0.1F, 0.1F, 3, 0, 0, -0.3F, 0.2F, 0, 0, -4, 0.3F};
+  const float points[] = {-3,   0,    0,    -3, 0.4F, 0, -3,    3,    0, 0, 0,  0,
+                          0.1F, 0.1F, 0.1F, 3,  0,    0, -0.3F, 0.2F, 0, 0, -4, 0.3F};
   for (int i = 0; i < 5; i++) {
     stage s = stage_open();
     add_puffs(s.scene, &p);
@@ -137,7 +138,8 @@ static void test_splitting_changes_nothing(void **state) {
   add_point_light(b.scene, light);
   assert_int_equal(fum_scene_transmittance(a.scene, NULL, 0, 500, p.positions, one), FUM_OK);
   assert_int_equal(fum_scene_transmittance(b.scene, NULL, 0, 500, p.positions, two), FUM_OK);
-  for (int i = 0; i < 500; i++) assert_true(fabsf(one[i] - two[i]) < 1e-3F);
+  for (int i = 0; i < 500; i++)
+    assert_true(fabsf(one[i] - two[i]) < 1e-3F);
   stage_close(&a);
   stage_close(&b);
   puffs_free(&p);
@@ -148,27 +150,31 @@ static void test_splitting_changes_nothing(void **state) {
 static void test_moving_and_scaling_change_nothing(void **state) {
   (void)state;
   puffs p = puffs_random(4000, 31, 1.0F, 0.2F, 2.0F);
-  for (int64_t i = 0; i < 3 * p.count; i++) p.positions[i] = roundf(p.positions[i] * 4096.0F) / 4096.0F;
+  for (int64_t i = 0; i < 3 * p.count; i++)
+    p.positions[i] = roundf(p.positions[i] * 4096.0F) / 4096.0F;
   float reference[300];
   const struct {
     float scale, shift;
   } moves[] = {{1.0F, 0.0F}, {1.0F, 1024.0F}, {1024.0F, 0.0F}, {0x1p-12F, 0.0F}, {0.25F, -512.0F}};
   for (int m = 0; m < 5; m++) {
     puffs moved = puffs_random(p.count, 31, 1.0F, 0.2F, 2.0F);
-    for (int64_t i = 0; i < 3 * p.count; i++) moved.positions[i] = p.positions[i] * moves[m].scale + moves[m].shift;
+    for (int64_t i = 0; i < 3 * p.count; i++)
+      moved.positions[i] = p.positions[i] * moves[m].scale + moves[m].shift;
     for (int64_t i = 0; i < p.count; i++) {
       moved.radii[i] *= moves[m].scale;
       moved.densities[i] /= moves[m].scale;
     }
     double light[3] = {4, 3, 2};
-    for (int axis = 0; axis < 3; axis++) light[axis] = light[axis] * (double)moves[m].scale + (double)moves[m].shift;
+    for (int axis = 0; axis < 3; axis++)
+      light[axis] = light[axis] * (double)moves[m].scale + (double)moves[m].shift;
     float found[300];
     stage s = stage_open();
     add_puffs(s.scene, &moved);
     add_point_light(s.scene, light);
     assert_int_equal(fum_scene_transmittance(s.scene, NULL, 0, 300, moved.positions, found), FUM_OK);
     if (m == 0) memcpy(reference, found, sizeof found);
-    for (int i = 0; i < 300; i++) assert_true(fabsf(found[i] - reference[i]) < 1e-5F);
+    for (int i = 0; i < 300; i++)
+      assert_true(fabsf(found[i] - reference[i]) < 1e-5F);
     stage_close(&s);
     puffs_free(&moved);
   }
@@ -205,7 +211,8 @@ static void test_threads_and_order_change_no_bit(void **state) {
     fum_settings settings;
     fum_settings_init(&settings);
     settings.subsampling = 0.5F;
-    assert_int_equal(fum_scene_transmittance(s.scene, &settings, 0, 500, p.positions, run == 0 ? first : other), FUM_OK);
+    assert_int_equal(fum_scene_transmittance(s.scene, &settings, 0, 500, p.positions, run == 0 ? first : other),
+                     FUM_OK);
     if (run > 0) assert_memory_equal(first, other, sizeof first);
     stage_close(&s);
   }

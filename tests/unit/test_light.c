@@ -102,7 +102,8 @@ static void test_area(void **state) {
   /* solid angle of the same */
   const double omega = 4.0 * asin(a * b / (p * q));
   assert_close(irradiance(&desc, (fum_vec3){0}, NULL, 1024), omega, 2e-3);
-  assert_close(irradiance(&desc, (fum_vec3){0}, &up, 16), factor, 0.015); /* 65 degrees wide: the worst of near fields */
+  assert_close(irradiance(&desc, (fum_vec3){0}, &up, 16), factor,
+               0.015); /* 65 degrees wide: the worst of near fields */
   /* one-sided */
   assert_true(irradiance(&desc, (fum_vec3){0.0F, 0.0F, 2.0F}, NULL, 16) == 0.0);
   /* disc of radius R seen from its axis: pi R^2 / (d^2 + R^2) */

@@ -21,11 +21,13 @@ static void check_structure(const fum_octree *octree, int32_t leaf_size, bool ma
     const fum_octree_node *node = &octree->nodes[n];
     for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
       const float p[3] = {octree->x[i], octree->y[i], octree->z[i]};
-      for (int axis = 0; axis < 3; axis++) assert_true(p[axis] >= node->lower[axis] && p[axis] <= node->upper[axis]);
+      for (int axis = 0; axis < 3; axis++)
+        assert_true(p[axis] >= node->lower[axis] && p[axis] <= node->upper[axis]);
     }
     if (node->children == 0) {
       assert_true(may_share_cells || node->count <= (uint32_t)leaf_size);
-      for (uint32_t i = node->begin; i < node->begin + node->count; i++) assert_int_equal(seen[i]++, 0);
+      for (uint32_t i = node->begin; i < node->begin + node->count; i++)
+        assert_int_equal(seen[i]++, 0);
       continue;
     }
     const int children = __builtin_popcount(node->octants);
@@ -39,7 +41,8 @@ static void check_structure(const fum_octree *octree, int32_t leaf_size, bool ma
     }
     assert_int_equal(begin, node->begin + node->count);
   }
-  for (int64_t i = 0; i < octree->count; i++) assert_int_equal(seen[i], 1);
+  for (int64_t i = 0; i < octree->count; i++)
+    assert_int_equal(seen[i], 1);
   free(seen);
 }
 
@@ -54,7 +57,8 @@ static void test_structure(void **state) {
     assert_int_equal(octree->count, p.count);
     check_structure(octree, leaf_sizes[i], false);
     uint8_t *seen = calloc((size_t)p.count, 1);
-    for (int64_t k = 0; k < p.count; k++) assert_int_equal(seen[octree->indices[k]]++, 0);
+    for (int64_t k = 0; k < p.count; k++)
+      assert_int_equal(seen[octree->indices[k]]++, 0);
     free(seen);
     fum_octree_destroy(s.context, octree);
   }
@@ -65,7 +69,8 @@ static void test_structure(void **state) {
 static void test_memory_follows_particles_not_space(void **state) {
   (void)state;
   puffs p = puffs_random(2000, 2, 1.0F, 0.1F, 1.0F);
-  for (int64_t i = 1000; i < 2000; i++) p.positions[3 * i] += 1e6F; /* two clusters, far apart */
+  for (int64_t i = 1000; i < 2000; i++)
+    p.positions[3 * i] += 1e6F; /* two clusters, far apart */
   stage s = stage_open();
   add_puffs(s.scene, &p);
   fum_octree *octree = build(&s, 8);
@@ -79,7 +84,8 @@ static void test_memory_follows_particles_not_space(void **state) {
 static void test_coincident_particles_end_in_one_leaf(void **state) {
   (void)state;
   puffs p = puffs_random(10000, 3, 1.0F, 0.1F, 1.0F);
-  for (int64_t i = 0; i < p.count - 1; i++) memcpy(p.positions + 3 * i, (float[3]){0.25F, 0.5F, -0.75F}, 3 * sizeof(float));
+  for (int64_t i = 0; i < p.count - 1; i++)
+    memcpy(p.positions + 3 * i, (float[3]){0.25F, 0.5F, -0.75F}, 3 * sizeof(float));
   stage s = stage_open();
   add_puffs(s.scene, &p);
   fum_octree *octree = build(&s, 16);
@@ -116,7 +122,8 @@ static void test_reach_is_each_nodes_own(void **state) {
   float *reaches = NULL;
   assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, 1.0F, 1.0F, &reaches), FUM_OK);
   int64_t wide = 0;
-  for (int64_t n = 0; n < octree->node_count; n++) wide += reaches[n] > 1.0F;
+  for (int64_t n = 0; n < octree->node_count; n++)
+    wide += reaches[n] > 1.0F;
   assert_true(reaches[0] > 1e3F);
   assert_true(wide < 12); /* the large particle's ancestors and no other node */
   fum_free(s.context, &reaches);
@@ -132,7 +139,8 @@ typedef struct visits {
 
 static bool note(void *user, uint32_t begin, uint32_t end, float reach) {
   (void)reach;
-  for (uint32_t i = begin; i < end; i++) ((visits *)user)->seen[i] = 1;
+  for (uint32_t i = begin; i < end; i++)
+    ((visits *)user)->seen[i] = 1;
   return true;
 }
 
@@ -147,9 +155,11 @@ static void test_walk_hands_out_all_that_is_heard(void **state) {
   assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, 1.0F, 1.0F, &reaches), FUM_OK);
   int64_t heard = 0;
   for (uint64_t trial = 0; trial < 200; trial++) {
-    fum_vec3 axis = {uniform(trial * 9, -1.0F, 1.0F), uniform(trial * 9 + 1, -1.0F, 1.0F), uniform(trial * 9 + 2, -1.0F, 1.0F)};
+    fum_vec3 axis = {uniform(trial * 9, -1.0F, 1.0F), uniform(trial * 9 + 1, -1.0F, 1.0F),
+                     uniform(trial * 9 + 2, -1.0F, 1.0F)};
     axis = fum_scaled(axis, 1.0F / fum_length(axis));
-    const fum_vec3 start = {uniform(trial * 9 + 3, -2.0F, 2.0F), uniform(trial * 9 + 4, -2.0F, 2.0F), uniform(trial * 9 + 5, -2.0F, 2.0F)};
+    const fum_vec3 start = {uniform(trial * 9 + 3, -2.0F, 2.0F), uniform(trial * 9 + 4, -2.0F, 2.0F),
+                            uniform(trial * 9 + 5, -2.0F, 2.0F)};
     const float length = uniform(trial * 9 + 6, 0.1F, 4.0F), radius = uniform(trial * 9 + 7, 0.0F, 0.3F);
     const fum_beam beam = {start, axis, -radius, length + radius, radius, trial % 2 == 0 ? 0.0F : -radius / length};
     visits v = {0};
@@ -179,7 +189,8 @@ static void test_subsampling_keeps_the_mean(void **state) {
   add_puffs(s.scene, &p);
   fum_scene_find_origin(s.scene);
   double full = 0.0;
-  for (int64_t i = 0; i < p.count; i++) full += (double)p.densities[i] * (double)p.radii[i] * 0.5 * 2.50662827463;
+  for (int64_t i = 0; i < p.count; i++)
+    full += (double)p.densities[i] * (double)p.radii[i] * 0.5 * 2.50662827463;
   const float shares[] = {0.5F, 0.1F, 0.01F};
   for (int k = 0; k < 3; k++) {
     fum_octree *octree = NULL, *again = NULL;
@@ -189,7 +200,8 @@ static void test_subsampling_keeps_the_mean(void **state) {
     assert_int_equal(octree->count, again->count);
     assert_memory_equal(octree->indices, again->indices, (size_t)octree->count * sizeof *octree->indices);
     double sum = 0.0;
-    for (int64_t i = 0; i < octree->count; i++) sum += (double)octree->optical_depths[i];
+    for (int64_t i = 0; i < octree->count; i++)
+      sum += (double)octree->optical_depths[i];
     /* The standard error of the sum over a random share: about sqrt((1 - share) / (count share)) times 1.2. */
     const double expected = (double)p.count * (double)shares[k];
     assert_true(fabs(sum / full - 1.0) < 4.0 * 1.2 / sqrt(expected));

@@ -24,8 +24,10 @@ static double exact(const arrays *a, const fum_segment *s, int i, bool whole_lin
   const double d[3] = {(double)a->x[i] - (double)s->origin[0], (double)a->y[i] - (double)s->origin[1],
                        (double)a->z[i] - (double)s->origin[2]};
   double t = 0.0, d2 = 0.0;
-  for (int axis = 0; axis < 3; axis++) t += d[axis] * (double)s->direction[axis];
-  for (int axis = 0; axis < 3; axis++) d2 += pow(d[axis] - t * (double)s->direction[axis], 2.0);
+  for (int axis = 0; axis < 3; axis++)
+    t += d[axis] * (double)s->direction[axis];
+  for (int axis = 0; axis < 3; axis++)
+    d2 += pow(d[axis] - t * (double)s->direction[axis], 2.0);
   const double inverse = (double)a->inverse_sigmas[i], gauss = exp(-0.5 * d2 * inverse * inverse);
   const double e0 = -t * inverse / sqrt(2.0), e1 = ((double)s->length - t) * inverse / sqrt(2.0);
   const double interval = e0 > 0.0 ? erfc(e0) - erfc(e1) : e1 < 0.0 ? erfc(-e1) - erfc(-e0) : erf(e1) - erf(e0);
@@ -65,7 +67,8 @@ static void test_tails_keep_their_relative_precision(void **state) {
   (void)state;
   for (int level = 0; select_level(level); level++) {
     arrays a = {0};
-    for (int i = 0; i < COUNT; i++) a.inverse_sigmas[i] = 1.0F;
+    for (int i = 0; i < COUNT; i++)
+      a.inverse_sigmas[i] = 1.0F;
     a.x[0] = 7.0F;
     a.optical_depths[0] = 1e6F;
     const fum_sources sources = {FUM_PAIRS_PAD, a.x, a.y, a.z, a.inverse_sigmas, a.optical_depths};

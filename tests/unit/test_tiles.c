@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Drawing in tiles, through fum_render: opacity against the closed form, the same picture from every instruction set. */
+/* Drawing in tiles, through fum_render: opacity against the closed form, the same picture from every instruction set.
+ */
 #include "support.h"
 
 #include "base/cpu.h"
@@ -10,7 +11,8 @@ static fum_camera make_camera(const double position[3], double half, double clip
   fum_camera camera;
   fum_camera_init(&camera);
   camera.type = type;
-  for (int axis = 0; axis < 3; axis++) camera.world_from_camera[4 * axis + 3] = position[axis];
+  for (int axis = 0; axis < 3; axis++)
+    camera.world_from_camera[4 * axis + 3] = position[axis];
   const double window[4] = {-half, half, -half, half};
   memcpy(camera.window, window, sizeof window);
   camera.clip_start = clip_start;
@@ -74,8 +76,8 @@ static void test_opacity_is_the_closed_form(void **state) {
   puffs_free(&small);
 }
 
-/* AVX2 and AVX-512 differ from the plain loops by rounding, and where rounding ends a dark walk earlier or later; threads
- * make no difference at all. */
+/* AVX2 and AVX-512 differ from the plain loops by rounding, and where rounding ends a dark walk earlier or later;
+ * threads make no difference at all. */
 static void test_instruction_sets_and_threads(void **state) {
   (void)state;
   static float plain[4 * SIDE * SIDE], other[4 * SIDE * SIDE];
