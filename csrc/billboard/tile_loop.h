@@ -45,20 +45,6 @@ static void aim(tile *t) {
   }
 }
 
-/* Last face not behind a range. */
-static int32_t face_before(const fum_slabs *slabs, float range) {
-  int32_t low = 0, high = slabs->count - 1;
-  while (low < high) {
-    const int32_t middle = (low + high + 1) / 2;
-    if (slabs->faces[middle].range <= range) {
-      low = middle;
-    } else {
-      high = middle - 1;
-    }
-  }
-  return low;
-}
-
 /* What a splat adds to each channel behind the first, as factors on its optical depth. */
 static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
   if (job->is_uniform) return;
@@ -186,8 +172,8 @@ static void splat_near(const tile *t, const fum_splat *s, int32_t first, int32_t
 static void find_span(const tile *t, const fum_splat *s, int32_t *first, int32_t *last) {
   const fum_slabs *slabs = t->job->slabs;
   const float reach = s->reach + 0.5F * s->width * s->width * 16.0F / fmaxf(s->range, s->width);
-  *first = face_before(slabs, s->range - reach);
-  *last = face_before(slabs, s->range + reach);
+  *first = fum_slab_at(slabs, (double)(s->range - reach));
+  *last = fum_slab_at(slabs, (double)(s->range + reach));
 }
 
 static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {

@@ -80,20 +80,6 @@ static void mark_face(const fum_view *view, const fum_lattice_face *grid, const 
   }
 }
 
-/* Last face not behind a range, or 0. */
-static int32_t face_before(const fum_slabs *slabs, double range) {
-  int32_t low = 0, high = slabs->count;
-  while (low < high) {
-    const int32_t middle = (low + high + 1) / 2;
-    if ((double)slabs->faces[middle].range <= range) {
-      low = middle;
-    } else {
-      high = middle - 1;
-    }
-  }
-  return low;
-}
-
 static void mark_particle(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                           float footprint_sigmas, const fum_lattice *lattice, int64_t i, marks *m) {
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
@@ -104,7 +90,7 @@ static void mark_particle(const fum_octree *octree, const fum_view *view, const 
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
   if (-c[2] + reach < view->clip_start || !(octree->optical_depths[i] > 0.0F)) return;
-  const int32_t first = face_before(slabs, range - reach);
+  const int32_t first = fum_slab_at(slabs, range - reach);
   for (int32_t f = first; f <= slabs->count; f++) {
     const double at = (double)slabs->faces[f].range;
     /* Light on a face serves the slabs on both of its sides. */

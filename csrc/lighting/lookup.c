@@ -28,23 +28,9 @@ static double depth_on_face(const fum_lattice_face *face, const float *depths, c
   return fmax(sum, 0.0);
 }
 
-/* The slab that holds the range, the first or last one if none does. */
-static int32_t slab_at(const fum_slabs *slabs, double range) {
-  int32_t low = 0, high = slabs->count - 1;
-  while (low < high) {
-    const int32_t middle = (low + high + 1) / 2;
-    if ((double)slabs->faces[middle].range <= range) {
-      low = middle;
-    } else {
-      high = middle - 1;
-    }
-  }
-  return low;
-}
-
 double fum_lattice_look_up(const fum_lattice *lattice, const fum_slabs *slabs, int32_t light, const double window[2],
                            double range) {
-  const int32_t slab = slab_at(slabs, range);
+  const int32_t slab = fum_slab_at(slabs, range);
   const float *depths = lattice->depths + light * lattice->sample_count;
   const fum_lattice_face *near = &lattice->faces[slab], *far = &lattice->faces[slab + 1];
   const double first = (double)slabs->faces[slab].range, last = (double)slabs->faces[slab + 1].range;

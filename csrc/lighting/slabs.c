@@ -249,3 +249,16 @@ done:
 void fum_slabs_free(fum_context *context, fum_slabs *slabs) {
   fum_free(context, &slabs->faces);
 }
+
+int32_t fum_slab_at(const fum_slabs *slabs, double range) {
+  int32_t low = 0, high = slabs->count - 1;
+  while (low < high) {
+    const int32_t middle = (low + high + 1) / 2;
+    if ((double)slabs->faces[middle].range <= range) {
+      low = middle;
+    } else {
+      high = middle - 1;
+    }
+  }
+  return low;
+}

@@ -39,4 +39,7 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
                        float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
 
+/* The slab that holds the range, the first or last one if none does. */
+int32_t fum_slab_at(const fum_slabs *slabs, double range);
+
 #endif
