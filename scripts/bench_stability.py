@@ -33,7 +33,7 @@ def main() -> int:
             verdict = "keeps it" if passes else f"misses it: {case.known}" if case.known else "misses it"
             print(f"| {case.name} | {figure:.2g} | {case.bound:g} | {verdict} |", flush=True)
         else:
-            print(json.dumps({"case": case.name, "figure": figure, "bound": case.bound, "pass": passes}), flush=True)
+            print(json.dumps({"case": case.name, "figure": float(figure), "bound": case.bound, "pass": bool(passes)}), flush=True)
     return 1 if failed else 0
 
 
