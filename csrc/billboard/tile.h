@@ -31,11 +31,19 @@ typedef struct fum_tile_job {
   float *rgba;               /* [height][width][4] */
 } fum_tile_job;
 
+enum { FUM_NO_FACE = INT32_MIN };
+
+/* What the lattice holds of a light at a tile's pixels, on the faces around a slab. */
+typedef struct fum_tile_held {
+  int32_t faces[4]; /* face f, from -1 on, is kept at f & 3 */
+  float values[4][FUM_TILE_PIXELS];
+} fum_tile_held;
+
 /* Buffers of one thread; zeroed before the first tile. */
 typedef struct fum_tile_scratch {
   float *slabs; /* [slab][channel][FUM_TILE_PIXELS] */
   int64_t slabs_size;
-  float *depths; /* [light][2][FUM_TILE_PIXELS] */
+  fum_tile_held *held; /* [light] */
   bool is_out_of_memory;
 } fum_tile_scratch;
 

@@ -2,6 +2,7 @@
 #include "billboard/tile_light.h"
 
 #include "lighting/inscatter.h"
+#include "lighting/lookup.h"
 
 #include <string.h>
 
@@ -57,22 +58,26 @@ static void interpolate(const fum_lattice_face *face, const float *values, const
   }
 }
 
+/* What the lattice holds of a light's optical depth at a face; NaN where a sample that is needed isn't lit. */
+static const float *held_on_face(const fum_light_grid *grid, int32_t light, int32_t face, fum_tile_held *held) {
+  const fum_lattice *lattice = grid->job->lattice;
+  float *values = held->values[face & 3];
+  if (held->faces[face & 3] == face) return values;
+  held->faces[face & 3] = face;
+  if (face < 0 || face >= lattice->face_count || lattice->faces[face].columns == 0) {
+    for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
+      values[i] = NAN;
+    return values;
+  }
+  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->u, grid->v, values);
+  for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
+    values[i] = values[i] < 0.0F ? 0.0F : values[i];
+  return values;
+}
+
 /* The face's own samples, or those of the face beside it when there is no smoke near it. */
 static const fum_lattice_face *face_or(const fum_lattice *lattice, int32_t face, int32_t other) {
   return lattice->faces[face].columns > 0 ? &lattice->faces[face] : &lattice->faces[other];
-}
-
-/* What the lattice holds of a light's optical depth at one face of a slab. */
-static void interpolate_depth(const fum_light_grid *grid, int32_t light, int32_t face, int32_t other, float *out) {
-  const fum_lattice *lattice = grid->job->lattice;
-  const fum_lattice_face *from = face_or(lattice, face, other);
-  if (from->columns == 0) {
-    memset(out, 0, FUM_TILE_PIXELS * sizeof *out);
-    return;
-  }
-  interpolate(from, lattice->depths + light * lattice->sample_count, grid->u, grid->v, out);
-  for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
-    out[i] = fmaxf(out[i], 0.0F);
 }
 
 /* Mean of the two faces, for what isn't integrated across the slab. */
@@ -97,7 +102,9 @@ typedef struct span {
   fum_vec3 start, direction; /* of the ray at the slab's first face, local space */
   float begin, end;          /* of the smoke, m from there */
   float optical_depth;       /* of the smoke between them */
-  float held[2];             /* what the lattice holds at begin and end */
+  float lean;                /* extinction at the end less that at the begin, over their sum */
+  float length, held[2];     /* of the slab; what the lattice holds on its faces... */
+  float bow;                 /* ...and how it runs between them (fum_lattice_bow) */
   float nearest, beside;     /* where the ray passes the light, and how far from it */
   float visible, sent;       /* interpolated */
   bool is_area, is_per_metre;
@@ -134,9 +141,9 @@ static void pass_light(span *s) {
 }
 
 static float depth_at(const span *s, float along) {
-  const float share = s->end > s->begin ? (along - s->begin) / (s->end - s->begin) : 0.0F;
-  const float held = s->held[0] + (s->held[1] - s->held[0]) * share;
-  return s->is_per_metre ? held * hypotf(s->beside, along - s->nearest) : held;
+  const float share = along / s->length;
+  const float held = s->held[0] + (s->held[1] - s->held[0]) * share + s->bow * 4.0F * share * (1.0F - share);
+  return fmaxf(held, 0.0F) * (s->is_per_metre ? hypotf(s->beside, along - s->nearest) : 1.0F);
 }
 
 /* Does a solid's shadow end between the samples around? */
@@ -199,39 +206,69 @@ static void divide(const span *s, float *places, float *weights) {
 }
 
 /* Integrates over the span, smoke in front included, and writes it down as light of one depth at both ends. */
-static void light_parts(const span *s, int32_t pixel, float *depths, fum_slab_light *out_light) {
+static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
   const fum_tile_job *job = s->grid->job;
   float places[PARTS], weights[PARTS], least = INFINITY;
   lit parts[PARTS];
   divide(s, places, weights);
   for (int k = 0; k < PARTS; k++) {
+    const float share = (places[k] - s->begin) / (s->end - s->begin);
     parts[k] = light_at(s, places[k]);
-    parts[k].depth += s->optical_depth * (places[k] - s->begin) / (s->end - s->begin);
+    parts[k].depth += s->optical_depth * share * (1.0F - s->lean * (1.0F - share));
+    weights[k] *= 1.0F - s->lean * (1.0F - 2.0F * share);
     least = fminf(least, parts[k].depth);
   }
-  depths[pixel] = least;
-  depths[FUM_TILE_PIXELS + pixel] = least - s->optical_depth; /* see add_light in tile_loop.h: the mean becomes 1 */
+  out->begin[pixel] = least;
+  out->end[pixel] = least - s->optical_depth; /* see add_light in tile_loop.h: the mean becomes 1 */
   for (int k = 0; k < PARTS; k++) {
     const float strength = weights[k] * parts[k].strength * expf(least - parts[k].depth);
     for (int32_t c = 0; c < job->class_count; c++) {
-      out_light->strengths[c][pixel] +=
-          strength * fum_phase(job->anisotropies[c], fum_dot(parts[k].to_light, s->direction));
+      out->strengths[c][pixel] += strength * fum_phase(job->anisotropies[c], fum_dot(parts[k].to_light, s->direction));
     }
   }
 }
 
-static void light_middle(const span *s, int32_t pixel, float *depths, fum_slab_light *out_light) {
-  const fum_tile_job *job = s->grid->job;
-  const lit l = light_at(s, 0.5F * (s->begin + s->end));
-  depths[pixel] = depth_at(s, s->begin);
-  depths[FUM_TILE_PIXELS + pixel] = depth_at(s, s->end);
-  for (int32_t c = 0; c < job->class_count; c++) {
-    out_light->strengths[c][pixel] = l.strength * fum_phase(job->anisotropies[c], fum_dot(l.to_light, s->direction));
-  }
+/* The integral of add_light in tile_loop.h takes the depth to the light to be linear in the smoke passed. Where it
+ * bends by `bend` * 4 x (1 - x) from that, the integral of exp(-a x) shrinks by exp(-bend) to the mean of 4 x (1 - x)
+ * under exp(-a x), which is 2/3 at a = 0 and 4 / |a| far from it. */
+static float bent_share(float bend, float a) {
+  return expf(-fminf(fmaxf(bend * 4.0F / sqrtf(36.0F + a * a), -1.0F), 1.0F));
 }
 
-void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, int32_t slab_index, const float *slab,
-                         const float *front, float *depths, fum_slab_light *out_light) {
+static void light_middle(const span *s, int32_t pixel, fum_slab_light *out) {
+  const fum_tile_job *job = s->grid->job;
+  const lit l = light_at(s, 0.5F * (s->begin + s->end));
+  const float begin = depth_at(s, s->begin), end = depth_at(s, s->end);
+  const float bend = l.depth - 0.5F * (begin + end) + 0.25F * s->lean * (end - begin);
+  const float strength = l.strength * bent_share(bend, s->optical_depth + end - begin);
+  out->begin[pixel] = begin;
+  out->end[pixel] = end;
+  for (int32_t c = 0; c < job->class_count; c++)
+    out->strengths[c][pixel] = strength * fum_phase(job->anisotropies[c], fum_dot(l.to_light, s->direction));
+}
+
+/* Mean extinction over the part of a slab that a ray sees; NaN where that is too little to tell. */
+static float mean_extinction(const float *depths, int32_t pixel, float begin, float end, float least) {
+  return depths != NULL && end - begin > least ? depths[pixel] / (end - begin) : NAN;
+}
+
+/* Extinction is taken to be linear across a slab, with the slope towards the slabs beside it: their mean, or the only
+ * one there is. */
+static float find_lean(const fum_slab_smoke *smoke, const float ranges[4], float near, float far, int32_t pixel) {
+  float ends[4];
+  for (int k = 0; k < 4; k++)
+    ends[k] = fminf(fmaxf(ranges[k], near), far);
+  const float length = ends[2] - ends[1], least = 0.25F * length, here = smoke->depth[pixel] / length;
+  const float before = mean_extinction(smoke->before, pixel, ends[0], ends[1], least);
+  const float next = mean_extinction(smoke->next, pixel, ends[2], ends[3], least);
+  const float first = (here - before) * length / (ends[2] - ends[0]),
+              second = (next - here) * length / (ends[3] - ends[1]);
+  const float change = isnan(first) ? (isnan(second) ? 0.0F : second) : isnan(second) ? first : 0.5F * (first + second);
+  return fminf(fmaxf(change / here, -1.0F), 1.0F);
+}
+
+void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
+                         fum_slab_light *out_light) {
   const fum_tile_job *job = grid->job;
   const fum_lamp *lamp = &job->lamps[light];
   span s = {.grid = grid,
@@ -241,30 +278,36 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, int32_t slab
                        .direction = lamp->back},
             .is_area = lamp->desc.type == FUM_LIGHT_AREA,
             .is_per_metre = fum_lattice_is_per_metre(lamp)};
-  const float first = job->slabs->faces[slab_index].range, last = job->slabs->faces[slab_index + 1].range;
-  float visible[FUM_TILE_PIXELS], sent[FUM_TILE_PIXELS];
-  interpolate_depth(grid, light, slab_index, slab_index + 1, depths);
-  interpolate_depth(grid, light, slab_index + 1, slab_index, depths + FUM_TILE_PIXELS);
-  if (job->lattice->visible != NULL) interpolate_middle(grid, job->lattice->visible, light, slab_index, visible);
-  if (s.is_area) interpolate_middle(grid, job->lattice->sent, light, slab_index, sent);
-  out_light->begin = depths;
-  out_light->end = depths + FUM_TILE_PIXELS;
+  const float *faces[4];
+  float ranges[4], visible[FUM_TILE_PIXELS], sent[FUM_TILE_PIXELS];
+  for (int32_t k = 0; k < 4; k++) {
+    faces[k] = held_on_face(grid, light, smoke->index - 1 + k, held);
+    ranges[k] = fum_slabs_range(job->slabs, smoke->index - 1 + k);
+  }
+  const float first = ranges[1], last = ranges[2];
+  s.length = last - first;
+  if (job->lattice->visible != NULL) interpolate_middle(grid, job->lattice->visible, light, smoke->index, visible);
+  if (s.is_area) interpolate_middle(grid, job->lattice->sent, light, smoke->index, sent);
   out_light->color = lamp->desc.intensity;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) {
+    out_light->begin[i] = out_light->end[i] = 0.0F;
     for (int32_t c = 0; c < job->class_count; c++)
       out_light->strengths[c][i] = 0.0F;
-    if (!(slab[i] > FUM_TILE_THIN && front[i] < FUM_TILE_DARK)) continue;
+    if (!(smoke->depth[i] > FUM_TILE_THIN && smoke->front[i] < FUM_TILE_DARK)) continue;
     /* The near plane or a solid may begin or end the ray within the slab. */
     s.begin = fminf(last, fmaxf(first, grid->near[i])) - first;
     s.end = fmaxf(s.begin, fminf(last, grid->far[i]) - first);
-    const float change = (depths[FUM_TILE_PIXELS + i] - depths[i]) / (last - first);
-    s.held[0] = depths[i] + change * s.begin;
-    s.held[1] = depths[i] + change * s.end;
-    s.optical_depth = slab[i];
+    float around[4] = {faces[0][i], faces[1][i], faces[2][i], faces[3][i]};
+    fum_lattice_fill(around);
+    s.held[0] = around[1];
+    s.held[1] = around[2];
+    s.bow = fum_lattice_bow(around, ranges);
+    s.optical_depth = smoke->depth[i];
+    s.lean = s.end > s.begin ? find_lean(smoke, ranges, grid->near[i], grid->far[i], i) : 0.0F;
     if (job->lattice->visible != NULL) s.visible = visible[i];
     if (s.is_area) s.sent = sent[i];
     find_ray(grid, i, first, &s.start, &s.direction);
     pass_light(&s);
-    (s.end > s.begin && is_uneven(&s) ? light_parts : light_middle)(&s, i, depths, out_light);
+    (s.end > s.begin && is_uneven(&s) ? light_parts : light_middle)(&s, i, out_light);
   }
 }

@@ -21,14 +21,20 @@ typedef struct fum_light_grid {
 
 /* One light in one slab, for all pixels. */
 typedef struct fum_slab_light {
-  const float *begin, *end; /* [FUM_TILE_PIXELS] optical depth to the light on the slab's faces */
-  const float *color;       /* [3] */
-  float strengths[FUM_MAX_CLASSES][FUM_TILE_PIXELS]; /* irradiance times phase function, past solids */
+  float begin[FUM_TILE_PIXELS], end[FUM_TILE_PIXELS]; /* optical depth to the light on the slab's faces */
+  const float *color;                                 /* [3] */
+  float strengths[FUM_MAX_CLASSES][FUM_TILE_PIXELS];  /* irradiance times phase function, past solids */
 } fum_slab_light;
 
-/* `slab` is the slab's optical depth and `front` that in front of it, [FUM_TILE_PIXELS]: what isn't seen isn't lit.
- * `depths` [2][FUM_TILE_PIXELS] belongs to the light. */
-void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, int32_t slab_index, const float *slab,
-                         const float *front, float *depths, fum_slab_light *out_light);
+/* A slab's smoke at all pixels: what isn't seen isn't lit. */
+typedef struct fum_slab_smoke {
+  int32_t index;                      /* of the slab */
+  const float *depth, *before, *next; /* [FUM_TILE_PIXELS] optical depth of the slab and those beside it; NULL: none */
+  const float *front;                 /* [FUM_TILE_PIXELS] optical depth in front of it */
+} fum_slab_smoke;
+
+/* `held` belongs to the light as long as the tile's slabs are gone through. */
+void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
+                         fum_slab_light *out_light);
 
 #endif

@@ -92,21 +92,40 @@ static float *slab_at(const tile *t, float *slabs, int32_t slab, int32_t pixel) 
   return slabs + (int64_t)(slab - t->first_slab) * t->channels * FUM_TILE_PIXELS + pixel;
 }
 
-/* A splat far away against its size and clear of every cut: the share of each slab is taken to be the same for all
- * pixels. The point of a ray nearest to the centre is nearer than the centre by d^2 / (2 range), on average width^2 /
- * range. */
-static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look, float *slabs) {
-  float shares[FUM_MAX_SLABS];
+static fum_vf vf_min(fum_vf a, fum_vf b) {
+  return fum_vf_select(a < b, a, b);
+}
+static fum_vf vf_max(fum_vf a, fum_vf b) {
+  return fum_vf_select(a > b, a, b);
+}
+
+/* What a far splat leaves in the slabs first to last: the share of each, and how it changes as the splat moves along
+ * the view by one metre. */
+static void find_shares(const tile *t, const fum_splat *s, float range, int32_t first, int32_t last, float *shares,
+                        float *changes) {
   const fum_face *faces = t->job->slabs->faces;
   const float inverse_sigma = 1.0F / s->sigma;
-  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
-  const float range = is_perspective ? s->range - s->width * s->width / s->range : s->range;
-  for (int32_t j = first; j <= last; j++) { /* share before the end of slab j */
+  float before = 0.0F, density_before = 0.0F;
+  for (int32_t j = first; j <= last; j++) {
     const float z = (faces[j + 1].range - range) * inverse_sigma;
-    shares[j - first] = j == last ? 1.0F : 0.5F * erfcf(-0.70710678F * z);
+    const float up_to = j == last ? 1.0F : 0.5F * erfcf(-0.70710678F * z);
+    const float density = j == last ? 0.0F : 0.39894228F * inverse_sigma * expf(-0.5F * z * z);
+    shares[j - first] = up_to - before;
+    changes[j - first] = density_before - density;
+    before = up_to;
+    density_before = density;
   }
-  for (int32_t j = last; j > first; j--)
-    shares[j - first] -= shares[j - first - 1];
+}
+
+/* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
+ * it d^2 / (2 range) before it, on average width^2 / range; to first order in what is left, all pixels have the same
+ * shares. A widened splat stands for something small: it has its shares where it is. */
+static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t last, const float *look, float *slabs) {
+  float shares[FUM_MAX_SLABS], changes[FUM_MAX_SLABS];
+  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
+  const float bend = is_perspective && !(s->width > s->sigma) ? 0.5F / s->range : 0.0F;
+  const float mean_squared = 2.0F * s->width * s->width;
+  find_shares(t, s, s->range - bend * mean_squared, first, last, shares, changes);
   const float depth = is_perspective ? -s->center[2] : 1.0F;
   const float uc = s->center[0] / depth, vc = s->center[1] / depth;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
@@ -123,17 +142,13 @@ static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t 
         squared = (squared + e3 * e3) * (inverse_length * inverse_length);
       }
       const fum_vf gauss = s->optical_depth * fum_vf_exp2(squared * falloff);
-      for (int32_t j = first; j <= last; j++)
-        deposit(t, slab_at(t, slabs, j, pixel), gauss * shares[j - first], look);
+      const fum_vf moved = gauss * (bend * (mean_squared - squared));
+      for (int32_t j = first; j <= last; j++) {
+        const fum_vf part = gauss * shares[j - first] + moved * changes[j - first];
+        deposit(t, slab_at(t, slabs, j, pixel), vf_max(part, fum_vf_set(0.0F)), look);
+      }
     }
   }
-}
-
-static fum_vf vf_min(fum_vf a, fum_vf b) {
-  return fum_vf_select(a < b, a, b);
-}
-static fum_vf vf_max(fum_vf a, fum_vf b) {
-  return fum_vf_select(a > b, a, b);
 }
 
 /* Any splat: every pixel's ray has its own nearest point and its own ends. */
@@ -253,17 +268,25 @@ static bool shows(const float *slab, const sums *s) {
   return false;
 }
 
-static void resolve(const tile *t, const float *slabs, float *depths, sums *s) {
+static void resolve(const tile *t, const float *slabs, fum_tile_held *held, sums *s) {
   const fum_tile_job *job = t->job;
   const fum_light_grid grid = {job, t->u, t->v, t->inverse_length, t->near, t->far};
+  const int64_t stride = (int64_t)t->channels * FUM_TILE_PIXELS;
   fum_slab_light light;
+  for (int32_t l = 0; l < job->lattice->light_count; l++) {
+    for (int k = 0; k < 4; k++)
+      held[l].faces[k] = FUM_NO_FACE;
+  }
   for (int32_t k = 0; k < t->slab_count; k++) {
-    const int32_t j = t->first_slab + k;
-    const float *slab = slabs + (int64_t)k * t->channels * FUM_TILE_PIXELS;
+    const float *slab = slabs + k * stride;
     if (!shows(slab, s)) continue;
+    const fum_slab_smoke smoke = {.index = t->first_slab + k,
+                                  .depth = slab,
+                                  .before = k > 0 ? slab - stride : NULL,
+                                  .next = k + 1 < t->slab_count ? slab + stride : NULL,
+                                  .front = s->depth};
     for (int32_t l = 0; l < job->lattice->light_count; l++) {
-      float *mine = depths + (int64_t)l * 2 * FUM_TILE_PIXELS;
-      fum_tile_light_slab(&grid, l, j, slab, s->depth, mine, &light);
+      fum_tile_light_slab(&grid, l, &smoke, &held[l], &light);
       add_light(t, slab, &light, s);
     }
     if (job->glows) add_glow(t, slab, s);
@@ -322,6 +345,6 @@ void FUM_TILE_NAME(const fum_tile_job *job, int64_t index, fum_tile_scratch *scr
   aim(&t);
   add_splats(&t, indices, count, scratch->slabs);
   sums s = {0};
-  resolve(&t, scratch->slabs, scratch->depths, &s);
+  resolve(&t, scratch->slabs, scratch->held, &s);
   write_pixels(&t, &s);
 }

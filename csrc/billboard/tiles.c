@@ -68,8 +68,8 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
   {
     fum_tile_scratch scratch = {0};
     const size_t lights = (size_t)(job->lattice->light_count > 0 ? job->lattice->light_count : 1);
-    scratch.depths = aligned_alloc(64, lights * 2 * FUM_TILE_PIXELS * sizeof *scratch.depths);
-    if (scratch.depths == NULL) atomic_store(&is_out_of_memory, true);
+    scratch.held = malloc(lights * sizeof *scratch.held);
+    if (scratch.held == NULL) atomic_store(&is_out_of_memory, true);
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < tiles; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
@@ -81,7 +81,7 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
       }
     }
     free(scratch.slabs);
-    free(scratch.depths);
+    free(scratch.held);
   }
   if (atomic_load(&is_out_of_memory))
     return fum_fail(context, FUM_ERROR_MEMORY, "drawing: no memory for a tile's slabs");

@@ -235,6 +235,8 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
     status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
   if (status == FUM_OK)
     status = fum_alloc(context, values, sizeof *lattice.depths, "lattice of light", &lattice.depths);
+  for (int64_t i = 0; i < values && status == FUM_OK; i++)
+    lattice.depths[i] = NAN;
   if (status == FUM_OK && gathering->solids != NULL) {
     status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
   }

@@ -23,7 +23,7 @@ typedef struct fum_lattice {
   fum_lattice_face *faces; /* [face_count] */
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
-  float *depths;  /* [light_count][sample_count] optical depth to the light, or that per metre */
+  float *depths; /* [light_count][sample_count] optical depth to the light, or that per metre; NaN where it isn't lit */
   float *visible; /* the same: share of the light that solids let through; NULL without solids */
   float *sent;    /* the same: irradiance, as a factor on the light's colour, of area lights; NULL without any */
 } fum_lattice;

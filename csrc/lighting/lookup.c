@@ -15,27 +15,33 @@ static int64_t clamp_index(int32_t i, int32_t count) {
   return i < 0 ? 0 : i >= count ? count - 1 : i;
 }
 
-static double depth_on_face(const fum_lattice_face *face, const float *depths, const double window[2]) {
+/* NaN where a sample that is needed isn't lit. */
+static float held_on_face(const fum_lattice *lattice, const float *depths, int32_t face, const double window[2]) {
   double across[4], up[4], sum = 0.0;
-  if (face->columns == 0) return 0.0;
-  const int32_t column = find_taps(window[0], face->origin[0], face->spacing[0], across);
-  const int32_t row = find_taps(window[1], face->origin[1], face->spacing[1], up);
+  if (face < 0 || face >= lattice->face_count || lattice->faces[face].columns == 0) return NAN;
+  const fum_lattice_face *grid = &lattice->faces[face];
+  const int32_t column = find_taps(window[0], grid->origin[0], grid->spacing[0], across);
+  const int32_t row = find_taps(window[1], grid->origin[1], grid->spacing[1], up);
   for (int32_t r = 0; r < 4; r++) {
-    const float *samples = depths + face->first + clamp_index(row + r, face->rows) * face->columns;
+    const float *samples = depths + grid->first + clamp_index(row + r, grid->rows) * grid->columns;
     for (int32_t c = 0; c < 4; c++)
-      sum += up[r] * across[c] * (double)samples[clamp_index(column + c, face->columns)];
+      sum += up[r] * across[c] * (double)samples[clamp_index(column + c, grid->columns)];
   }
-  return fmax(sum, 0.0);
+  return sum < 0.0 ? 0.0F : (float)sum;
 }
 
 double fum_lattice_look_up(const fum_lattice *lattice, const fum_slabs *slabs, int32_t light, const double window[2],
                            double range) {
   const int32_t slab = fum_slab_at(slabs, range);
   const float *depths = lattice->depths + light * lattice->sample_count;
-  const fum_lattice_face *near = &lattice->faces[slab], *far = &lattice->faces[slab + 1];
-  const double first = (double)slabs->faces[slab].range, last = (double)slabs->faces[slab + 1].range;
-  const double begin = depth_on_face(near->columns > 0 ? near : far, depths, window);
-  const double end = depth_on_face(far->columns > 0 ? far : near, depths, window);
-  const double share = fmin(1.0, fmax(0.0, (range - first) / (last - first)));
-  return begin + (end - begin) * share;
+  float held[4], ranges[4];
+  for (int32_t k = 0; k < 4; k++) {
+    held[k] = held_on_face(lattice, depths, slab - 1 + k, window);
+    ranges[k] = fum_slabs_range(slabs, slab - 1 + k);
+  }
+  fum_lattice_fill(held);
+  const double length = (double)ranges[2] - (double)ranges[1];
+  const double share = fmin(1.0, fmax(0.0, (range - (double)ranges[1]) / length));
+  const double bow = (double)fum_lattice_bow(held, ranges);
+  return fmax(0.0, (double)held[1] + ((double)held[2] - (double)held[1]) * share + bow * 4.0 * share * (1.0 - share));
 }

@@ -137,14 +137,15 @@ static void find_extent(scan *s) {
 }
 
 /* Steps in sigmas that keep the error of the picture below the tolerance, fitted to measurements against brute force
- * (docs/ACCURACY.md): 2.4 % sqrt(K sigma) step^2 for the slabs, 3 % sqrt(K sigma) step^3 for light sampled on a
- * square lattice and interpolated cubically. Each gets half of the tolerance. */
+ * (docs/ACCURACY.md): 1.2 % sqrt(K sigma) step^4 for the slabs, with light and extinction bent inside of them, 2 %
+ * sqrt(K sigma) step^3 for light sampled on a square lattice and interpolated cubically. Each gets half of the
+ * tolerance. */
 static double slab_step(double thickness, double tolerance) {
-  return fmin(2.5, fmax(0.06, sqrt(0.5 * tolerance / (0.024 * sqrt(thickness)))));
+  return fmin(2.0, fmax(0.06, sqrt(sqrt(0.5 * tolerance / (0.012 * sqrt(thickness))))));
 }
 
 static double light_step(double thickness, double tolerance) {
-  return fmin(2.0, fmax(0.10, cbrt(0.5 * tolerance / (0.030 * sqrt(thickness)))));
+  return fmin(2.0, fmax(0.10, cbrt(0.5 * tolerance / (0.020 * sqrt(thickness)))));
 }
 
 static double thickness_of(const bin *b) {

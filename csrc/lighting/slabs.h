@@ -39,6 +39,14 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
                        float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
 
+/* Range of a face; beyond the first and the last one, as if the slabs there went on. */
+static inline float fum_slabs_range(const fum_slabs *slabs, int32_t face) {
+  const fum_face *f = slabs->faces;
+  if (face < 0) return 2.0F * f[0].range - f[1].range;
+  if (face > slabs->count) return 2.0F * f[slabs->count].range - f[slabs->count - 1].range;
+  return f[face].range;
+}
+
 /* The slab that holds the range, the first or last one if none does. */
 int32_t fum_slab_at(const fum_slabs *slabs, double range);
 
