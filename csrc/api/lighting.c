@@ -22,8 +22,7 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
                  .depth_scale = settings->shadowing_density * settings->intersection_scale,
                  .depth_limit = -logf(error)},
   };
-  int32_t status = fum_reach_find(context, lighting.medium.octree, error, settings->intersection_scale,
-                                  settings->shadowing_density, &lighting.medium.reaches);
+  int32_t status = fum_medium_begin(context, error, &lighting.medium);
   if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
   if (status != FUM_OK) {
     fum_lighting_end(context, &lighting);
@@ -39,7 +38,7 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
 }
 
 void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
-  fum_free(context, &lighting->medium.reaches);
+  fum_medium_end(context, &lighting->medium);
   fum_free(context, &lighting->lamps);
   fum_receivers_free(context, &lighting->receivers);
 }
