@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/medium.h"
 
+#include "lighting/neighbours.h"
+
 static int64_t runs_of(const fum_octree_node *node) {
   return (node->count + FUM_RUN_SIZE - 1) / FUM_RUN_SIZE;
 }
@@ -21,26 +23,35 @@ static int64_t number_runs(const fum_octree *octree, uint8_t *is_cut, uint8_t *i
   return count;
 }
 
-static fum_vec3 middle_of(const fum_octree *octree, uint32_t begin, uint32_t count) {
+static fum_vec3 middle_of(const fum_octree *octree, const uint32_t *particles, uint32_t count) {
   fum_vec3 lower = {INFINITY, INFINITY, INFINITY}, upper = {-INFINITY, -INFINITY, -INFINITY};
-  for (uint32_t i = begin; i < begin + count; i++) {
-    const fum_vec3 p = {octree->x[i], octree->y[i], octree->z[i]};
+  for (uint32_t i = 0; i < count; i++) {
+    const fum_vec3 p = {octree->x[particles[i]], octree->y[particles[i]], octree->z[particles[i]]};
     lower = (fum_vec3){fminf(lower.x, p.x), fminf(lower.y, p.y), fminf(lower.z, p.z)};
     upper = (fum_vec3){fmaxf(upper.x, p.x), fmaxf(upper.y, p.y), fmaxf(upper.z, p.z)};
   }
   return (fum_vec3){0.5F * (lower.x + upper.x), 0.5F * (lower.y + upper.y), 0.5F * (lower.z + upper.z)};
 }
 
+/* Sigmas from an end of a segment beyond which it cuts less than a twentieth of the error off a particle of any optical
+ * depth: the tail of the normal distribution is below exp(-c^2 / 2) / (2.5 c), and tau exp(-tau) at most 1 / e. */
+static float clear_of(float error) {
+  const float share = 0.05F * 2.718F * error;
+  float c = 3.0F;
+  while (c < 6.0F && expf(-0.5F * c * c) / (2.5F * c) > share)
+    c += 0.125F;
+  return c;
+}
+
 /* Lays out one run; returns how far its particles are heard. */
-static float lay_run(fum_medium *medium, float error, int64_t number, uint32_t begin, uint32_t count) {
+static float lay_run(fum_medium *medium, float error, int64_t number, const uint32_t *particles, uint32_t count) {
   const float scale_sigmas = 0.84932180F; /* sqrt(log2(e) / 2) */
-  const float clear_sigmas = 4.0F;        /* beyond it the tail of a particle is below 4e-5 of it */
   const fum_octree *octree = medium->octree;
-  const fum_vec3 middle = middle_of(octree, begin, count);
+  const fum_vec3 middle = middle_of(octree, particles, count);
   fum_run *run = &medium->runs[number];
   float optical_depth = 0.0F, widest = 0.0F, hearing = 0.0F, clear = 0.0F;
   for (uint32_t i = 0; i < FUM_RUN_SIZE; i++) {
-    const uint32_t p = begin + (i < count ? i : 0);
+    const uint32_t p = particles[i < count ? i : 0];
     const float inverse_sigma = octree->inverse_sigmas[p] / medium->sigma_scale;
     run->x[i] = octree->x[p] - middle.x;
     run->y[i] = octree->y[p] - middle.y;
@@ -50,6 +61,7 @@ static float lay_run(fum_medium *medium, float error, int64_t number, uint32_t b
     optical_depth += run->optical_depths[i];
     widest = fmaxf(widest, 1.0F / inverse_sigma);
   }
+  const float clear_sigmas = clear_of(error);
   const float cutoff = optical_depth > 0.0F ? fum_cutoff_sigmas(optical_depth, error) : 0.0F;
   for (uint32_t i = 0; i < count; i++) {
     const float sigma = scale_sigmas / run->scales[i];
@@ -65,15 +77,19 @@ static float lay_run(fum_medium *medium, float error, int64_t number, uint32_t b
   return cutoff * widest;
 }
 
-static void lay_runs(fum_context *context, float error, const uint8_t *is_cut, fum_medium *medium) {
+static void lay_runs(fum_context *context, float error, const uint8_t *is_cut, uint32_t *order, fum_medium *medium) {
   const fum_octree *octree = medium->octree;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
     if (!is_cut[i]) continue;
+    uint32_t *particles = order + node->begin;
+    for (uint32_t p = 0; p < node->count; p++)
+      particles[p] = node->begin + p;
+    fum_neighbours_sort(octree, FUM_RUN_SIZE, node->count, particles);
     for (uint32_t begin = 0; begin < node->count; begin += FUM_RUN_SIZE) {
       const uint32_t rest = node->count - begin;
-      const float reach = lay_run(medium, error, medium->first_runs[i] + begin / FUM_RUN_SIZE, node->begin + begin,
+      const float reach = lay_run(medium, error, medium->first_runs[i] + begin / FUM_RUN_SIZE, particles + begin,
                                   rest < FUM_RUN_SIZE ? rest : FUM_RUN_SIZE);
       medium->reaches[i] = fmaxf(medium->reaches[i], reach);
     }
@@ -103,17 +119,20 @@ int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_me
   const char *what = "runs of particles";
   const int64_t node_count = medium->octree->node_count;
   uint8_t *is_cut = NULL, *is_below = NULL;
+  uint32_t *order = NULL;
   int32_t status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_below, what, &is_below);
+  if (status == FUM_OK) status = fum_alloc(context, medium->octree->count, sizeof *order, what, &order);
   if (status == FUM_OK)
     status = fum_alloc(context, node_count, sizeof *medium->first_runs, what, &medium->first_runs);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->reaches, what, &medium->reaches);
   if (status != FUM_OK) goto done;
   const int64_t count = number_runs(medium->octree, is_cut, is_below, medium->first_runs);
   status = allocate_runs(context, count, medium);
-  if (status == FUM_OK) lay_runs(context, transmittance_error, is_cut, medium);
+  if (status == FUM_OK) lay_runs(context, transmittance_error, is_cut, order, medium);
 done:
   if (status != FUM_OK) fum_medium_end(context, medium);
+  fum_free(context, &order);
   fum_free(context, &is_below);
   fum_free(context, &is_cut);
   return status;

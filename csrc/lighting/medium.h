@@ -5,7 +5,7 @@
 
 #include "lighting/runs.h"
 
-/* Nodes of at most this many particles, and leaves, are cut into runs of neighbours in Morton order. */
+/* Nodes of at most this many particles, and leaves, are cut into runs of neighbours. */
 enum { FUM_PACKET_SIZE = 256 };
 
 typedef struct fum_medium {
