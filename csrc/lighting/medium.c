@@ -33,6 +33,39 @@ static fum_vec3 middle_of(const fum_octree *octree, const uint32_t *particles, u
   return (fum_vec3){0.5F * (lower.x + upper.x), 0.5F * (lower.y + upper.y), 0.5F * (lower.z + upper.z)};
 }
 
+/* What a segment that passes the middle of a run at distance `d` loses by not hearing it: at most, and on average over
+ * all directions if offsets are taken as normally distributed. */
+typedef struct loss {
+  float most, mean;
+} loss;
+
+static loss loss_at(const fum_run *run, const float *offsets, float d) {
+  loss lost = {0};
+  for (int i = 0; i < FUM_RUN_SIZE; i++) {
+    const float near = fmaxf(d - offsets[i], 0.0F) * run->scales[i];
+    const float wide = d * run->scales[i], spread = offsets[i] * run->scales[i];
+    lost.most += run->optical_depths[i] * exp2f(-near * near);
+    lost.mean += run->optical_depths[i] * exp2f(-wide * wide / (1.0F + spread * spread * (2.0F / 3.0F) * 0.69314718F));
+  }
+  return lost;
+}
+
+/* Distance from its middle over which a run is heard. A single run, however dense, may be missed only where it weighs less
+ * than the error divided among a few; and of smoke of many runs, a share of optical depth is lost everywhere: tau
+ * exp(-tau) is at most 1 / e. `most` misses nothing that matters. */
+static float hearing_of(const fum_run *run, const float *offsets, float optical_depth, float error, float most) {
+  const float runs = 4.0F;
+  float low = 0.0F, high = most;
+  for (int step = 0; step < 7; step++) {
+    const float middle = 0.5F * (low + high);
+    const loss lost = loss_at(run, offsets, middle);
+    const bool is_heard = lost.most * runs > error || lost.mean > 2.0F * error * optical_depth;
+    low = is_heard ? middle : low;
+    high = is_heard ? high : middle;
+  }
+  return high;
+}
+
 /* Sigmas from an end of a segment beyond which it cuts less than a twentieth of the error off a particle of any optical
  * depth: the tail of the normal distribution is below exp(-c^2 / 2) / (2.5 c), and tau exp(-tau) at most 1 / e. */
 static float clear_of(float error) {
@@ -63,12 +96,15 @@ static float lay_run(fum_medium *medium, float error, int64_t number, const uint
   }
   const float clear_sigmas = clear_of(error);
   const float cutoff = optical_depth > 0.0F ? fum_cutoff_sigmas(optical_depth, error) : 0.0F;
+  float offsets[FUM_RUN_SIZE] = {0};
   for (uint32_t i = 0; i < count; i++) {
     const float sigma = scale_sigmas / run->scales[i];
     const float offset = fum_length((fum_vec3){run->x[i], run->y[i], run->z[i]});
+    offsets[i] = offset;
     hearing = fmaxf(hearing, offset + cutoff * sigma);
     clear = fmaxf(clear, offset + clear_sigmas * sigma);
   }
+  hearing = hearing_of(run, offsets, optical_depth, error, hearing);
   medium->spheres.x[number] = middle.x;
   medium->spheres.y[number] = middle.y;
   medium->spheres.z[number] = middle.z;
