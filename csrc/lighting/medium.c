@@ -33,33 +33,37 @@ static fum_vec3 middle_of(const fum_octree *octree, const uint32_t *particles, u
   return (fum_vec3){0.5F * (lower.x + upper.x), 0.5F * (lower.y + upper.y), 0.5F * (lower.z + upper.z)};
 }
 
-/* What a segment that passes the middle of a run at distance `d` loses by not hearing it: at most, and on average over
- * all directions if offsets are taken as normally distributed. */
+/* What is lost by not hearing a run from distance `d` of its middle on: at most by one segment, and as a share of what
+ * it weighs on all segments together (optical depth times sigma^2), offsets taken as normally distributed. */
 typedef struct loss {
-  float most, mean;
+  float most, share;
 } loss;
 
 static loss loss_at(const fum_run *run, const float *offsets, float d) {
-  loss lost = {0};
+  float most = 0.0F, lost = 0.0F, all = 0.0F;
   for (int i = 0; i < FUM_RUN_SIZE; i++) {
     const float near = fmaxf(d - offsets[i], 0.0F) * run->scales[i];
-    const float wide = d * run->scales[i], spread = offsets[i] * run->scales[i];
-    lost.most += run->optical_depths[i] * exp2f(-near * near);
-    lost.mean += run->optical_depths[i] * exp2f(-wide * wide / (1.0F + spread * spread * (2.0F / 3.0F) * 0.69314718F));
+    const float wide = d * run->scales[i], offset = offsets[i] * run->scales[i];
+    const float widening = 1.0F + 0.46209812F * offset * offset; /* 1 + (offset / sigma)^2 / 3 */
+    const float weight = run->optical_depths[i] / (run->scales[i] * run->scales[i]);
+    most += run->optical_depths[i] * exp2f(-near * near);
+    lost += weight * exp2f(-wide * wide / widening);
+    all += weight;
   }
-  return lost;
+  return (loss){most, lost / all};
 }
 
-/* Distance from its middle over which a run is heard. A single run, however dense, may be missed only where it weighs less
- * than the error divided among a few; and of smoke of many runs, a share of optical depth is lost everywhere: tau
- * exp(-tau) is at most 1 / e. `most` misses nothing that matters. */
-static float hearing_of(const fum_run *run, const float *offsets, float optical_depth, float error, float most) {
+/* Distance from its middle over which a run is heard: the smallest that keeps the bounds of fum_cutoff_sigmas. A single
+ * run, however dense, may be missed only where it weighs less than the error divided among a few such runs. In smoke of
+ * many runs a share is lost everywhere, and tau exp(-tau) is at most 1 / e. At `most`, each particle keeps them by
+ * itself. */
+static float hearing_of(const fum_run *run, const float *offsets, float error, float most) {
   const float runs = 4.0F;
   float low = 0.0F, high = most;
   for (int step = 0; step < 7; step++) {
     const float middle = 0.5F * (low + high);
     const loss lost = loss_at(run, offsets, middle);
-    const bool is_heard = lost.most * runs > error || lost.mean > 2.0F * error * optical_depth;
+    const bool is_heard = !(lost.most * runs <= error && lost.share <= 2.0F * error);
     low = is_heard ? middle : low;
     high = is_heard ? high : middle;
   }
@@ -76,59 +80,72 @@ static float clear_of(float error) {
   return c;
 }
 
-/* Lays out one run; returns how far its particles are heard. */
-static float lay_run(fum_medium *medium, float error, int64_t number, const uint32_t *particles, uint32_t count) {
-  const float scale_sigmas = 0.84932180F; /* sqrt(log2(e) / 2) */
+static const float SCALE_SIGMAS = 0.84932180F; /* sqrt(log2(e) / 2) */
+
+static void fill_run(const fum_medium *medium, const uint32_t *particles, uint32_t count, fum_vec3 middle,
+                     fum_run *run) {
   const fum_octree *octree = medium->octree;
-  const fum_vec3 middle = middle_of(octree, particles, count);
-  fum_run *run = &medium->runs[number];
-  float optical_depth = 0.0F, widest = 0.0F, hearing = 0.0F, clear = 0.0F;
   for (uint32_t i = 0; i < FUM_RUN_SIZE; i++) {
     const uint32_t p = particles[i < count ? i : 0];
-    const float inverse_sigma = octree->inverse_sigmas[p] / medium->sigma_scale;
     run->x[i] = octree->x[p] - middle.x;
     run->y[i] = octree->y[p] - middle.y;
     run->z[i] = octree->z[p] - middle.z;
-    run->scales[i] = scale_sigmas * inverse_sigma;
+    run->scales[i] = SCALE_SIGMAS * octree->inverse_sigmas[p] / medium->sigma_scale;
     run->optical_depths[i] = i < count ? octree->optical_depths[p] * medium->depth_scale : 0.0F;
+  }
+}
+
+/* What may be lost, and how many sigmas clear of an end particles must be. */
+typedef struct limits {
+  float error, clear_sigmas;
+} limits;
+
+/* Finds the sphere around a run; returns the reach of its particles. */
+static float bound_run(const limits *l, const fum_run *run, fum_vec3 middle, int64_t number, fum_spheres *spheres) {
+  float offsets[FUM_RUN_SIZE], optical_depth = 0.0F, widest = 0.0F, hearing = 0.0F, clear = 0.0F;
+  for (int i = 0; i < FUM_RUN_SIZE; i++)
     optical_depth += run->optical_depths[i];
-    widest = fmaxf(widest, 1.0F / inverse_sigma);
+  const float cutoff = optical_depth > 0.0F ? fum_cutoff_sigmas(optical_depth, l->error) : 0.0F;
+  for (int i = 0; i < FUM_RUN_SIZE; i++) {
+    const float sigma = SCALE_SIGMAS / run->scales[i];
+    offsets[i] = fum_length((fum_vec3){run->x[i], run->y[i], run->z[i]});
+    hearing = fmaxf(hearing, offsets[i] + cutoff * sigma);
+    clear = fmaxf(clear, offsets[i] + l->clear_sigmas * sigma);
+    widest = fmaxf(widest, sigma);
   }
-  const float clear_sigmas = clear_of(error);
-  const float cutoff = optical_depth > 0.0F ? fum_cutoff_sigmas(optical_depth, error) : 0.0F;
-  float offsets[FUM_RUN_SIZE] = {0};
-  for (uint32_t i = 0; i < count; i++) {
-    const float sigma = scale_sigmas / run->scales[i];
-    const float offset = fum_length((fum_vec3){run->x[i], run->y[i], run->z[i]});
-    offsets[i] = offset;
-    hearing = fmaxf(hearing, offset + cutoff * sigma);
-    clear = fmaxf(clear, offset + clear_sigmas * sigma);
-  }
-  hearing = hearing_of(run, offsets, optical_depth, error, hearing);
-  medium->spheres.x[number] = middle.x;
-  medium->spheres.y[number] = middle.y;
-  medium->spheres.z[number] = middle.z;
-  medium->spheres.hearing[number] = 1.00001F * hearing;
-  medium->spheres.clear[number] = clear;
+  spheres->x[number] = middle.x;
+  spheres->y[number] = middle.y;
+  spheres->z[number] = middle.z;
+  spheres->hearing[number] = 1.00001F * hearing_of(run, offsets, l->error, hearing);
+  spheres->clear[number] = clear;
   return cutoff * widest;
 }
 
-static void lay_runs(fum_context *context, float error, const uint8_t *is_cut, uint32_t *order, fum_medium *medium) {
+/* Lays out the runs of a node; returns the reach of its particles. */
+static float lay_node(const limits *l, const fum_octree_node *node, int64_t first, uint32_t *particles,
+                      fum_medium *medium) {
+  float reach = 0.0F;
+  for (uint32_t p = 0; p < node->count; p++)
+    particles[p] = node->begin + p;
+  fum_neighbours_sort(medium->octree, FUM_RUN_SIZE, node->count, particles);
+  for (uint32_t begin = 0; begin < node->count; begin += FUM_RUN_SIZE) {
+    const int64_t number = first + begin / FUM_RUN_SIZE;
+    const uint32_t count = node->count - begin < FUM_RUN_SIZE ? node->count - begin : FUM_RUN_SIZE;
+    const fum_vec3 middle = middle_of(medium->octree, particles + begin, count);
+    fill_run(medium, particles + begin, count, middle, &medium->runs[number]);
+    reach = fmaxf(reach, bound_run(l, &medium->runs[number], middle, number, &medium->spheres));
+  }
+  return reach;
+}
+
+static int32_t lay_runs(fum_context *context, float error, const uint8_t *is_cut, uint32_t *order, fum_medium *medium) {
   const fum_octree *octree = medium->octree;
+  const limits l = {error, clear_of(error)};
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
-    if (!is_cut[i]) continue;
-    uint32_t *particles = order + node->begin;
-    for (uint32_t p = 0; p < node->count; p++)
-      particles[p] = node->begin + p;
-    fum_neighbours_sort(octree, FUM_RUN_SIZE, node->count, particles);
-    for (uint32_t begin = 0; begin < node->count; begin += FUM_RUN_SIZE) {
-      const uint32_t rest = node->count - begin;
-      const float reach = lay_run(medium, error, medium->first_runs[i] + begin / FUM_RUN_SIZE, particles + begin,
-                                  rest < FUM_RUN_SIZE ? rest : FUM_RUN_SIZE);
-      medium->reaches[i] = fmaxf(medium->reaches[i], reach);
-    }
+    if (fum_progress_in_loop(context, i, 1 << 10) || !is_cut[i]) continue;
+    medium->reaches[i] = lay_node(&l, node, medium->first_runs[i], order + node->begin, medium);
   }
   for (int64_t i = octree->node_count - 1; i >= 0; i--) {
     const fum_octree_node *node = &octree->nodes[i];
@@ -136,6 +153,7 @@ static void lay_runs(fum_context *context, float error, const uint8_t *is_cut, u
     for (int c = 0; c < children; c++)
       medium->reaches[i] = fmaxf(medium->reaches[i], medium->reaches[node->children + (uint32_t)c]);
   }
+  return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }
 
 static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *medium) {
@@ -159,13 +177,12 @@ int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_me
   int32_t status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_below, what, &is_below);
   if (status == FUM_OK) status = fum_alloc(context, medium->octree->count, sizeof *order, what, &order);
-  if (status == FUM_OK)
-    status = fum_alloc(context, node_count, sizeof *medium->first_runs, what, &medium->first_runs);
+  if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->first_runs, what, &medium->first_runs);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->reaches, what, &medium->reaches);
   if (status != FUM_OK) goto done;
   const int64_t count = number_runs(medium->octree, is_cut, is_below, medium->first_runs);
   status = allocate_runs(context, count, medium);
-  if (status == FUM_OK) lay_runs(context, transmittance_error, is_cut, order, medium);
+  if (status == FUM_OK) status = lay_runs(context, transmittance_error, is_cut, order, medium);
 done:
   if (status != FUM_OK) fum_medium_end(context, medium);
   fum_free(context, &order);

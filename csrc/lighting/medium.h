@@ -19,8 +19,8 @@ typedef struct fum_medium {
   float *reaches;       /* [node_count] m, as of fum_reach_find, for runs instead of leaves */
 } fum_medium;
 
-/* Lays out the runs of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost by not
- * hearing far particles. */
+/* Lays out the runs of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost by
+ * not hearing far particles. */
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium);
 void fum_medium_end(fum_context *context, fum_medium *medium);
 

@@ -3,8 +3,8 @@
 
 #include <stdlib.h>
 
-/* Nodes of at most this many points, and leaves, are cut into groups. Nodes of at most one group would leave groups half
- * empty: an octree's next larger nodes hold up to eight times as many. */
+/* Nodes of at most this many points, and leaves, are cut into groups. Nodes of at most one group would leave groups
+ * half empty: an octree's next larger nodes hold up to eight times as many. */
 enum { UNCUT_SIZE = 192 };
 
 static bool is_cut(const fum_octree_node *node) {

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Optical depth of runs of neighbouring particles along a segment: the innermost loop of lighting. A segment first meets
- * the spheres around runs; the particles of those that it can hear are summed with the closed form of pairs.h. */
+/* Optical depth of runs of neighbouring particles along a segment: the innermost loop of lighting. A segment first
+ * meets the spheres around runs; the particles of those that it can hear are summed with the closed form of pairs.h. */
 #ifndef FUM_LIGHTING_RUNS_H
 #define FUM_LIGHTING_RUNS_H
 
 #include "lighting/pairs.h"
+#include "octree/beam.h"
 
 enum { FUM_RUN_SIZE = 16, FUM_BATCH_SIZE = 64 };
 

@@ -141,8 +141,11 @@ typedef struct particles {
 } particles;
 
 static inline particles load(const seen *s, const fum_run *run, int32_t i, int32_t lane) {
-  particles p = {fum_vf_load(run->x + lane), fum_vf_load(run->y + lane), fum_vf_load(run->z + lane),
-                 fum_vf_load(run->scales + lane), {0}};
+  particles p = {fum_vf_load(run->x + lane),
+                 fum_vf_load(run->y + lane),
+                 fum_vf_load(run->z + lane),
+                 fum_vf_load(run->scales + lane),
+                 {0}};
   const fum_vf across = dot(s->right, p.x, p.y, p.z, fum_vf_set(s->across[i]));
   const fum_vf above = dot(s->up, p.x, p.y, p.z, fum_vf_set(s->above[i]));
   const fum_vf squared = across * across + above * above;

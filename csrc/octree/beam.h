@@ -23,8 +23,8 @@ typedef struct fum_beam {
   float radius, slope;
 } fum_beam;
 
-/* Called with nodes near the beam, roughly from its start outwards. `reach` holds for all of a node's particles. Returns
- * false to end the walk. */
+/* Called with nodes near the beam, roughly from its start outwards. `reach` holds for all of a node's particles.
+ * Returns false to end the walk. */
 typedef bool (*fum_beam_visit)(void *user, const fum_octree_node *node, float reach);
 
 /* Hands out nodes that hold at most `largest` particles, and leaves. */
