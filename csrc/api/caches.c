@@ -3,7 +3,13 @@
 
 #include <stdlib.h>
 
+static void drop_medium(fum_context *context, fum_caches *caches) {
+  fum_medium_end(context, &caches->medium);
+  caches->medium = (fum_medium){0};
+}
+
 static void drop_octrees(fum_context *context, fum_caches *caches) {
+  drop_medium(context, caches);
   if (caches->density != caches->all) fum_octree_destroy(context, caches->density);
   fum_octree_destroy(context, caches->all);
   caches->all = caches->density = NULL;
@@ -56,4 +62,22 @@ int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings) {
 done:
   if (status != FUM_OK) fum_scene_drop_caches(scene);
   return status;
+}
+
+int32_t fum_caches_lay_medium(fum_scene *scene, const fum_settings *settings, float error) {
+  fum_caches *caches = scene->caches;
+  fum_medium medium = {.octree = caches->density,
+                       .sigma_scale = settings->intersection_scale,
+                       .depth_scale = settings->shadowing_density * settings->intersection_scale,
+                       .depth_limit = -logf(error)};
+  const fum_medium *old = &caches->medium;
+  if (old->octree == medium.octree && old->sigma_scale == medium.sigma_scale &&
+      old->depth_scale == medium.depth_scale && caches->medium_error == error)
+    return FUM_OK;
+  drop_medium(scene->context, caches);
+  const int32_t status = fum_medium_begin(scene->context, error, &medium);
+  if (status != FUM_OK) return status;
+  caches->medium = medium;
+  caches->medium_error = error;
+  return FUM_OK;
 }

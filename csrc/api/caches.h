@@ -3,13 +3,15 @@
 #ifndef FUM_API_CACHES_H
 #define FUM_API_CACHES_H
 
-#include "octree/octree.h"
+#include "lighting/medium.h"
 #include "solid/solid.h"
 
 typedef struct fum_caches {
   fum_octree *all;     /* every particle: what is lit and drawn */
   fum_octree *density; /* what casts shadows: `all`, or an octree of its own when subsampled */
   fum_solids *solids;  /* NULL: no triangle */
+  fum_medium medium;   /* `density` laid out in runs; no octree: not yet */
+  float medium_error;  /* that its runs were laid out with */
   int32_t leaf_size;
   float subsampling;
   double build_s; /* that the last fum_caches_update took */
@@ -17,5 +19,8 @@ typedef struct fum_caches {
 
 /* Builds what is missing or was built with other options. */
 int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings);
+
+/* Lays out the medium of updated caches, for `error` of the transmittance, unless it is there already. */
+int32_t fum_caches_lay_medium(fum_scene *scene, const fum_settings *settings, float error);
 
 #endif

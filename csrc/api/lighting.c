@@ -16,19 +16,14 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
                            fum_lighting *out_lighting) {
   fum_context *context = scene->context;
   const float error = 0.5F * fum_transmittance_error(settings);
-  fum_lighting lighting = {
-      .medium = {.octree = scene->caches->density,
-                 .sigma_scale = settings->intersection_scale,
-                 .depth_scale = settings->shadowing_density * settings->intersection_scale,
-                 .depth_limit = -logf(error)},
-  };
-  int32_t status = fum_reach_find(context, lighting.medium.octree, error, settings->intersection_scale,
-                                  settings->shadowing_density, &lighting.medium.reaches);
+  fum_lighting lighting = {0};
+  int32_t status = fum_caches_lay_medium(scene, settings, error);
   if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
   if (status != FUM_OK) {
     fum_lighting_end(context, &lighting);
     return status;
   }
+  lighting.medium = scene->caches->medium;
   *out_lighting = lighting;
   out_lighting->gathering = (fum_gathering){.context = context,
                                             .medium = &out_lighting->medium,
@@ -39,7 +34,6 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
 }
 
 void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
-  fum_free(context, &lighting->medium.reaches);
   fum_free(context, &lighting->lamps);
   fum_receivers_free(context, &lighting->receivers);
 }

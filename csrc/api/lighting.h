@@ -5,10 +5,9 @@
 
 #include "api/caches.h"
 #include "lighting/gather.h"
-#include "octree/beam.h"
 
 typedef struct fum_lighting {
-  fum_medium medium;
+  fum_medium medium; /* the caches' */
   fum_receivers receivers;
   fum_lamp *lamps; /* [light_count] */
   fum_gathering gathering;

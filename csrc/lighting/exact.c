@@ -1,47 +1,24 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/exact.h"
 
-#include "lighting/pairs.h"
-
 #include <omp.h>
-
-enum { BATCH = 512 };
-
-/* Particles heard by a beam, waiting for the loop. */
-typedef struct batch {
-  int32_t count;
-  float x[BATCH + FUM_PAIRS_PAD], y[BATCH + FUM_PAIRS_PAD], z[BATCH + FUM_PAIRS_PAD];
-  float inverse_sigmas[BATCH + FUM_PAIRS_PAD], optical_depths[BATCH + FUM_PAIRS_PAD];
-} batch;
 
 /* A group of receivers on its way to the light. */
 typedef struct walk {
   const fum_medium *medium;
-  const fum_pairs *pairs;
+  const fum_run_loops *loops;
   fum_beam beam;
-  float bend; /* largest |direction - axis| */
   int32_t count;
   fum_segment segments[FUM_GROUP_SIZE];
   float depths[FUM_GROUP_SIZE];
-  batch within, at_end;
+  fum_batch batch;
 } walk;
 
-static void flush(walk *w, batch *b, fum_pairs_fn sum_depths) {
-  if (b->count == 0) return;
-  for (int32_t i = b->count; i % FUM_PAIRS_PAD != 0; i++) {
-    b->x[i] = b->y[i] = b->z[i] = b->optical_depths[i] = 0.0F;
-    b->inverse_sigmas[i] = 1.0F;
+static void flush(walk *w) {
+  for (int32_t i = 0; i < w->count && w->batch.count > 0; i++) {
+    if (w->depths[i] < w->medium->depth_limit) w->depths[i] += w->loops->sum(&w->batch, &w->segments[i]);
   }
-  const fum_sources sources = {b->count, b->x, b->y, b->z, b->inverse_sigmas, b->optical_depths};
-  for (int32_t i = 0; i < w->count; i++) {
-    if (w->depths[i] < w->medium->depth_limit) w->depths[i] += sum_depths(&sources, &w->segments[i]);
-  }
-  b->count = 0;
-}
-
-static void flush_all(walk *w) {
-  flush(w, &w->at_end, w->pairs->segment);
-  flush(w, &w->within, w->pairs->line);
+  w->batch.count = 0;
 }
 
 static bool is_dark(const walk *w) {
@@ -51,32 +28,31 @@ static bool is_dark(const walk *w) {
   return true;
 }
 
-static void append(const walk *w, batch *b, uint32_t particle) {
-  const fum_octree *octree = w->medium->octree;
+static void append(walk *w, uint32_t run) {
+  const fum_spheres *spheres = &w->medium->spheres;
+  fum_batch *b = &w->batch;
   const int32_t n = b->count++;
-  b->x[n] = octree->x[particle];
-  b->y[n] = octree->y[particle];
-  b->z[n] = octree->z[particle];
-  b->inverse_sigmas[n] = octree->inverse_sigmas[particle] / w->medium->sigma_scale;
-  b->optical_depths[n] = octree->optical_depths[particle] * w->medium->depth_scale;
+  b->runs[n] = &w->medium->runs[run];
+  b->x[n] = spheres->x[run];
+  b->y[n] = spheres->y[run];
+  b->z[n] = spheres->z[run];
+  b->hearing[n] = spheres->hearing[run];
+  b->clear[n] = spheres->clear[run];
 }
 
-static bool visit(void *user, uint32_t begin, uint32_t end, float reach) {
-  enum { RUN = 64 };
+static bool visit(void *user, const fum_octree_node *node, float reach) {
+  (void)reach;
   walk *w = user;
-  const fum_octree *octree = w->medium->octree;
-  int32_t heard[RUN];
-  for (uint32_t first = begin; first < end; first += RUN) {
-    const int32_t count = end - first < RUN ? (int32_t)(end - first) : RUN;
-    w->pairs->hear(&w->beam, w->bend, reach, w->medium->sigma_scale, count, octree->x + first, octree->y + first,
-                   octree->z + first, octree->inverse_sigmas + first, heard);
-    if (w->within.count + count > BATCH || w->at_end.count + count > BATCH) {
-      flush_all(w);
-      if (is_dark(w)) return false;
-    }
-    for (int32_t i = 0; i < count; i++) {
-      if (heard[i] == FUM_UNHEARD) continue;
-      append(w, heard[i] == FUM_HEARD_WITHIN ? &w->within : &w->at_end, first + (uint32_t)i);
+  const uint32_t first = w->medium->first_runs[node - w->medium->octree->nodes];
+  const uint32_t end = first + (node->count + FUM_RUN_SIZE - 1) / FUM_RUN_SIZE;
+  for (uint32_t run = first; run < end; run += FUM_BATCH_SIZE) {
+    const int32_t count = end - run < FUM_BATCH_SIZE ? (int32_t)(end - run) : FUM_BATCH_SIZE;
+    for (uint64_t heard = w->loops->hear(&w->beam, &w->medium->spheres, run, count); heard != 0; heard &= heard - 1) {
+      if (w->batch.count == FUM_BATCH_SIZE) {
+        flush(w);
+        if (is_dark(w)) return false;
+      }
+      append(w, run + (uint32_t)__builtin_ctzll(heard));
     }
   }
   return true;
@@ -110,16 +86,13 @@ static void find_beam(walk *w, const fum_emitter *emitter) {
   const fum_vec3 middle = {0.5F * (lower.x + upper.x), 0.5F * (lower.y + upper.y), 0.5F * (lower.z + upper.z)};
   const fum_segment axis = segment_to(emitter, middle);
   const fum_vec3 direction = {axis.direction[0], axis.direction[1], axis.direction[2]};
-  float radius = 0.0F, bend = 0.0F;
+  float radius = 0.0F;
   for (int32_t i = 0; i < w->count; i++) {
     const fum_segment *s = &w->segments[i];
     const fum_vec3 offset = {s->origin[0] - middle.x, s->origin[1] - middle.y, s->origin[2] - middle.z};
-    const fum_vec3 turn = {s->direction[0] - direction.x, s->direction[1] - direction.y, s->direction[2] - direction.z};
     radius = fmaxf(radius, fum_length(offset));
-    bend = fmaxf(bend, fum_length(turn));
   }
   const bool narrows = !emitter->is_directional && axis.length > radius;
-  w->bend = bend;
   w->beam = (fum_beam){.start = middle,
                        .axis = direction,
                        .first = -radius,
@@ -139,9 +112,9 @@ static void solve_group(walk *w, const fum_receivers *receivers, int64_t group, 
   }
   if (w->count == 0) return;
   find_beam(w, emitter);
-  w->within.count = w->at_end.count = 0;
-  fum_beam_walk(w->medium->octree, w->medium->reaches, &w->beam, visit, w);
-  flush_all(w);
+  w->batch.count = 0;
+  fum_beam_walk(w->medium->octree, w->medium->reaches, FUM_PACKET_SIZE, &w->beam, visit, w);
+  flush(w);
   int32_t n = 0;
   for (uint32_t i = begin; i < end; i++) {
     if (is_lit[i]) out_depths[i] = w->depths[n++];
@@ -160,7 +133,7 @@ int32_t fum_exact_solve(fum_context *context, const fum_medium *medium, const fu
     const int thread = omp_get_thread_num();
     walk *w = &walks[thread];
     w->medium = medium;
-    w->pairs = fum_pairs_get();
+    w->loops = fum_run_loops_get();
 #pragma omp for schedule(dynamic, 4)
     for (int64_t group = 0; group < receivers->group_count; group++) {
       if (fum_is_cancelled(context)) continue;

@@ -4,16 +4,8 @@
 #define FUM_LIGHTING_EXACT_H
 
 #include "lighting/emitter.h"
+#include "lighting/medium.h"
 #include "lighting/receivers.h"
-
-/* What is lit through: the density octree with the paper's controls. */
-typedef struct fum_medium {
-  const fum_octree *octree;
-  float *reaches;    /* of fum_reach_find */
-  float sigma_scale; /* intersection test size */
-  float depth_scale; /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
-  float depth_limit; /* optical depth above which a receiver counts as dark: the walk ends early */
-} fum_medium;
 
 /* Optical depth from each receiver to the emitter; only where is_lit (receivers' order) is nonzero, elsewhere
  * out_depths is left alone. Progress runs from `progress[0]` to `progress[1]` of the lighting stage. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/hidden.h"
 
-#include "octree/beam.h"
+#include "lighting/medium.h"
 
 static int32_t coarse(int32_t samples) {
   return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
@@ -50,7 +50,7 @@ static int32_t solve(fum_context *context, const fum_octree *octree, const fum_v
   fum_receivers receivers = {0};
   float *depths = NULL;
   uint8_t *is_lit = NULL;
-  int32_t status = fum_reach_find(context, octree, rough, 1.0F, 1.0F, &medium.reaches);
+  int32_t status = fum_medium_begin(context, rough, &medium);
   if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *depths, "hidden samples", &depths);
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *is_lit, "hidden samples", &is_lit);
@@ -66,7 +66,7 @@ done:
   fum_free(context, &is_lit);
   fum_free(context, &depths);
   fum_receivers_free(context, &receivers);
-  fum_free(context, &medium.reaches);
+  fum_medium_end(context, &medium);
   return status;
 }
 

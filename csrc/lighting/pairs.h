@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Optical depth of many particles along many segments: the innermost loop of lighting (DESIGN.md, section 1).
+/* Optical depth of any particles along a segment (DESIGN.md, section 1).
  *
  * Along a segment with unit direction u, a particle at distance d from its line, with the ends at a and b measured from
  * the point nearest to it, in units of its sigma:
  *   tau = optical_depth exp(-d^2 / 2) (Phi(b) - Phi(a)) */
 #ifndef FUM_LIGHTING_PAIRS_H
 #define FUM_LIGHTING_PAIRS_H
-
-#include "octree/beam.h"
 
 #include <stdint.h>
 
@@ -28,20 +26,9 @@ typedef struct fum_segment {
 /* Sum over the sources of their optical depth along the segment. */
 typedef float (*fum_pairs_fn)(const fum_sources *sources, const fum_segment *segment);
 
-/* Whether a beam hears particles: 0 no, 1 yes and it lies well within every segment, 2 yes and near an end. */
-enum { FUM_UNHEARD = 0, FUM_HEARD_WITHIN = 1, FUM_HEARD_AT_END = 2 };
-
-/* Sorts `count` particles (coordinates relative to nothing in particular, `sigma_scale` on their sigma) by how the beam
- * hears them. `bend` is the largest |direction - axis| over the beam's segments. out_heard has room for a multiple of
- * FUM_PAIRS_PAD. */
-typedef void (*fum_hear_fn)(const struct fum_beam *beam, float bend, float reach, float sigma_scale, int32_t count,
-                            const float *x, const float *y, const float *z, const float *inverse_sigmas,
-                            int32_t *out_heard);
-
 typedef struct fum_pairs {
   fum_pairs_fn line;    /* for sources that lie well within the segment: Phi(b) - Phi(a) taken as 1 */
   fum_pairs_fn segment; /* for any */
-  fum_hear_fn hear;
 } fum_pairs;
 
 /* The loops for this processor. */

@@ -3,25 +3,28 @@
 
 #include <stdlib.h>
 
-/* Largest nodes that hold no more than a group, and the leaves that hold more, cut up: coincident points. */
-static bool is_whole_group(const fum_octree_node *node) {
-  return node->count <= FUM_GROUP_SIZE || node->children == 0;
+/* Nodes of at most this many points, and leaves, are cut into groups. Nodes of at most one group would leave groups
+ * half empty: an octree's next larger nodes hold up to eight times as many. */
+enum { UNCUT_SIZE = 192 };
+
+static bool is_cut(const fum_octree_node *node) {
+  return node->count <= UNCUT_SIZE || node->children == 0;
 }
 
 static int64_t groups_of(const fum_octree_node *node) {
   return (node->count + FUM_GROUP_SIZE - 1) / FUM_GROUP_SIZE;
 }
 
-/* Children of nodes that became groups are passed over; they come later than their parents. */
+/* Children of nodes that are cut are passed over; they come later than their parents. */
 static int64_t count_groups(const fum_octree *octree, uint8_t *is_covered) {
   int64_t groups = 0;
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
-    const bool is_group = is_whole_group(node);
-    if (!is_covered[i] && is_group) groups += groups_of(node);
+    const bool ends_here = is_cut(node);
+    if (!is_covered[i] && ends_here) groups += groups_of(node);
     const int children = __builtin_popcount(node->octants);
     for (int c = 0; c < children; c++)
-      is_covered[node->children + (uint32_t)c] = is_covered[i] || is_group;
+      is_covered[node->children + (uint32_t)c] = is_covered[i] || ends_here;
   }
   return groups;
 }
@@ -42,9 +45,9 @@ int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_
   int64_t n = 0;
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
-    if (is_covered[i] || !is_whole_group(node)) continue;
-    for (uint32_t begin = 0; begin < node->count; begin += FUM_GROUP_SIZE)
-      begins[n++] = node->begin + begin;
+    if (is_covered[i] || !is_cut(node)) continue;
+    for (int64_t parts = groups_of(node), part = 0; part < parts; part++)
+      begins[n++] = node->begin + (uint32_t)(part * node->count / parts);
   }
   qsort(begins, (size_t)count, sizeof *begins, compare_begins);
   begins[count] = (uint32_t)octree->count;

@@ -66,8 +66,8 @@ static bool hears(const fum_beam *beam, const fum_octree_node *node, float reach
 
 enum { STACK_SIZE = 8 * 22 };
 
-void fum_beam_walk(const fum_octree *octree, const float *reaches, const fum_beam *beam, fum_beam_visit visit,
-                   void *user) {
+void fum_beam_walk(const fum_octree *octree, const float *reaches, uint32_t largest, const fum_beam *beam,
+                   fum_beam_visit visit, void *user) {
   if (octree->node_count == 0) return;
   /* Octants in the order in which a ray along the axis meets them. */
   const uint32_t mirror =
@@ -79,8 +79,8 @@ void fum_beam_walk(const fum_octree *octree, const float *reaches, const fum_bea
     const uint32_t index = stack[--depth];
     const fum_octree_node *node = &octree->nodes[index];
     if (!(reaches[index] > 0.0F) || !hears(beam, node, reaches[index])) continue;
-    if (node->children == 0) {
-      if (!visit(user, node->begin, node->begin + node->count, reaches[index])) return;
+    if (node->children == 0 || node->count <= largest) {
+      if (!visit(user, node, reaches[index])) return;
       continue;
     }
     for (uint32_t i = 8; i-- > 0;) {

@@ -23,12 +23,13 @@ typedef struct fum_beam {
   float radius, slope;
 } fum_beam;
 
-/* Called with runs of consecutive particles [begin, end) of leaves near the beam, roughly from its start outwards.
- * `reach` holds for all of them. Returns false to end the walk. */
-typedef bool (*fum_beam_visit)(void *user, uint32_t begin, uint32_t end, float reach);
+/* Called with nodes near the beam, roughly from its start outwards. `reach` holds for all of a node's particles.
+ * Returns false to end the walk. */
+typedef bool (*fum_beam_visit)(void *user, const fum_octree_node *node, float reach);
 
-void fum_beam_walk(const fum_octree *octree, const float *reaches, const fum_beam *beam, fum_beam_visit visit,
-                   void *user);
+/* Hands out nodes that hold at most `largest` particles, and leaves. */
+void fum_beam_walk(const fum_octree *octree, const float *reaches, uint32_t largest, const fum_beam *beam,
+                   fum_beam_visit visit, void *user);
 
 /* Largest distance from the axis, at distance s along it, at which something that is heard over `reach` matters. */
 static inline float fum_beam_hearing(const fum_beam *beam, float s, float reach) {

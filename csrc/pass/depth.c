@@ -38,8 +38,9 @@ typedef struct tile {
   bool is_out_of_memory;
 } tile;
 
-static bool collect(void *user, uint32_t begin, uint32_t end, float reach) {
+static bool collect(void *user, const fum_octree_node *node, float reach) {
   tile *t = user;
+  const uint32_t begin = node->begin, end = begin + node->count;
   const int64_t needed = t->count + (end - begin);
   if (needed > t->capacity) {
     heard *grown = realloc(t->heard, (size_t)(2 * needed) * sizeof *grown);
@@ -215,7 +216,7 @@ static void find_tile(tile *t, const float *reaches, const fum_view *view, const
   t->count = 0;
   if (extent[0] < extent[1]) {
     find_beam(t, view, corner, size, extent);
-    fum_beam_walk(t->octree, reaches, &t->beam, collect, t);
+    fum_beam_walk(t->octree, reaches, 0, &t->beam, collect, t);
     if (t->is_out_of_memory || (t->count > 0 && !lay_out(t))) {
       t->is_out_of_memory = true;
       return;

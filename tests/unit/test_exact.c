@@ -108,6 +108,45 @@ static void test_mixed_radii(void **state) {
   puffs_free(&p);
 }
 
+/* Particles that must not be taken for their neighbours: a few dense ones among thousands of thin ones, radii from 1 to
+ * 1,000 in one place, a dense cluster far from what it shades, rows of runs that all graze the rays. */
+static void test_unlike_neighbours(void **state) {
+  (void)state;
+  const double light[3] = {3, 2, 5}, in_line[3] = {40, 0, 0};
+  puffs p = puffs_random(8000, 23, 1.0F, 0.1F, 0.05F);
+  for (int64_t i = 0; i < p.count; i += 997)
+    p.densities[i] = 3000.0F;
+  check_cloud(&p, light);
+  puffs_free(&p);
+  p = puffs_random(4000, 24, 1.0F, 1e-3F, 30.0F);
+  for (int64_t i = 100; i < p.count; i++) {
+    const float factor = powf(1000.0F, uniform((uint64_t)i, 0.0F, 1.0F));
+    p.radii[i] *= factor;
+    p.densities[i] /= factor * factor;
+  }
+  check_cloud(&p, light);
+  puffs_free(&p);
+  p = puffs_random(4000, 25, 1.0F, 0.1F, 0.1F);
+  for (int64_t i = 2000; i < p.count; i++) {
+    for (int axis = 0; axis < 3; axis++)
+      p.positions[3 * i + axis] = 0.02F * p.positions[3 * i + axis] + (axis == 0 ? 20.0F : 0.0F);
+    p.radii[i] = 0.5F;
+    p.densities[i] = 0.02F;
+  }
+  check_cloud(&p, in_line);
+  puffs_free(&p);
+  p = puffs_random(20000, 26, 1.0F, 0.1F, 20.0F);
+  for (int64_t i = 0; i < p.count; i++) {
+    p.positions[3 * i] *= 10.0F; /* receivers at 3 to 7 sigmas from a rod that points at the light */
+    for (int axis = 1; axis < 3 && i >= 100; axis++)
+      p.positions[3 * i + axis] *= 0.02F;
+    for (int axis = 1; axis < 3 && i < 100; axis++)
+      p.positions[3 * i + axis] = axis == 1 ? uniform((uint64_t)i, 0.15F, 0.35F) : 0.0F;
+  }
+  check_cloud(&p, in_line);
+  puffs_free(&p);
+}
+
 static void test_coincident_and_aligned(void **state) {
   (void)state;
   const double light[3] = {3, 0.001, 0};
@@ -289,6 +328,7 @@ int main(void) {
       cmocka_unit_test(test_the_particle_itself_counts_half),
       cmocka_unit_test(test_clouds),
       cmocka_unit_test(test_mixed_radii),
+      cmocka_unit_test(test_unlike_neighbours),
       cmocka_unit_test(test_coincident_and_aligned),
       cmocka_unit_test(test_splitting_changes_nothing),
       cmocka_unit_test(test_moving_and_scaling_change_nothing),

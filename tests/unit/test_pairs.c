@@ -81,36 +81,10 @@ static void test_tails_keep_their_relative_precision(void **state) {
   fum_cpu_limit(FUM_CPU_AVX512);
 }
 
-static void test_hearing_is_the_same_at_every_level(void **state) {
-  (void)state;
-  arrays a;
-  for (int i = 0; i < COUNT; i++) {
-    a.x[i] = uniform((uint64_t)i, -3.0F, 3.0F);
-    a.y[i] = uniform((uint64_t)i + 100, -1.0F, 1.0F);
-    a.z[i] = uniform((uint64_t)i + 200, -1.0F, 1.0F);
-    a.inverse_sigmas[i] = 10.0F;
-  }
-  const fum_beam beam = {{-1.0F, 0.0F, 0.0F}, {1.0F, 0.0F, 0.0F}, -0.1F, 2.1F, 0.1F, -0.05F};
-  int32_t first[COUNT], heard[COUNT], within = 0, at_end = 0;
-  for (int level = 0; select_level(level); level++) {
-    fum_pairs_get()->hear(&beam, 0.05F, 0.4F, 1.0F, COUNT, a.x, a.y, a.z, a.inverse_sigmas, heard);
-    if (level == 0) memcpy(first, heard, sizeof heard);
-    assert_memory_equal(heard, first, sizeof heard);
-  }
-  for (int i = 0; i < COUNT; i++) {
-    within += first[i] == FUM_HEARD_WITHIN;
-    at_end += first[i] == FUM_HEARD_AT_END;
-    if (fabsf(a.x[i]) > 1.6F) assert_int_equal(first[i], FUM_UNHEARD);
-  }
-  assert_true(within > 0 && at_end > 0);
-  fum_cpu_limit(FUM_CPU_AVX512);
-}
-
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_loops_agree_with_double_precision),
       cmocka_unit_test(test_tails_keep_their_relative_precision),
-      cmocka_unit_test(test_hearing_is_the_same_at_every_level),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
