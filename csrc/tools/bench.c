@@ -11,6 +11,11 @@ int bench_fail(const fum_context *context) {
   return 1;
 }
 
+int bench_no_memory(void) {
+  fprintf(stderr, "fumarole-bench: no memory for the picture\n");
+  return 1;
+}
+
 double peak_rss_mb(void) {
   struct rusage usage;
   getrusage(RUSAGE_SELF, &usage);
