@@ -110,30 +110,33 @@ def front(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
     return best
 
 
+def position(row: Row) -> tuple[float, float]:
+    """Where a setting stands in the chart of error against time."""
+    return float(row["processor_s"]), float(row["image_rms_relative"])
+
+
 def scene_title(row: Row) -> str:
     return f"{row['scene']}: {int(row['particles']):,} particles, depth {float(row['depth']):g}"
 
 
 def draw_scene_settings(axes: Axes, rows: list[Row]) -> None:
     """Error against time of one scene: methods as lines over the tolerance, the front of all."""
-    times, errors = numbers(rows, "total_s"), numbers(rows, "image_rms_relative")
+    times, errors = numbers(rows, "processor_s"), numbers(rows, "image_rms_relative")
     best = front(zip(times, errors, strict=True))
     axes.step(*zip(*best, strict=True), where="post", color="#dddddd", linewidth=6, solid_joinstyle="round", zorder=1)
     for device, (_, colour, marker) in METHODS.items():
         full = select(rows, device=device, subsampling=1.0)
-        axes.plot(numbers(full, "total_s"), numbers(full, "image_rms_relative"), color=colour, marker=marker)
-        part = select(rows, device=device)
-        part = [row for row in part if float(row["subsampling"]) < 1]
-        axes.plot(numbers(part, "total_s"), numbers(part, "image_rms_relative"), color=colour, marker=marker, ls="", mfc="white")
+        axes.plot(numbers(full, "processor_s"), numbers(full, "image_rms_relative"), color=colour, marker=marker)
+        part = [row for row in select(rows, device=device) if float(row["subsampling"]) < 1]
+        axes.plot(numbers(part, "processor_s"), numbers(part, "image_rms_relative"), color=colour, marker=marker, ls="", mfc="white")
+        side, align = (7, "left") if device == "tiles" else (-7, "right")
         for row in part:
-            place = float(row["total_s"]), float(row["image_rms_relative"])
-            write_beside(axes, percent(float(row["subsampling"])), *place, (-7, 0), ha="right", color=colour)
+            write_beside(axes, percent(float(row["subsampling"])), *position(row), (side, 0), ha=align, color=colour)
     for row in select(rows, device="tiles", subsampling=1.0):
-        place = float(row["total_s"]), float(row["image_rms_relative"])
-        write_beside(axes, f"{float(row['tolerance']):g}", *place, (7, 4), color=BLUE)
+        write_beside(axes, percent(float(row["tolerance"])), *position(row), (7, 4), color=BLUE)
     fit(axes, times, errors)
     axes.set_title(scene_title(rows[0]))
-    axes.set_xlabel("time of a picture (s)")
+    axes.set_xlabel("processor time of a picture (s)")
 
 
 def draw_error_time(rows: list[Row]) -> Figure:
@@ -146,10 +149,10 @@ def draw_error_time(rows: list[Row]) -> Figure:
     charts[0].set_ylim(min(errors) / 1.6, max(errors) * 1.6)
     scale(charts[0].yaxis, round_ticks(*charts[0].get_ylim()), percent)
     charts[0].set_ylabel("error of the picture (relative RMS)")
-    for device, (name, colour, _) in METHODS.items():
-        last = select(kept, scene=scenes[0], device=device, tolerance=0.1)[0]
-        place = float(last["total_s"]), float(last["image_rms_relative"])
-        write_beside(charts[0], name, *place, (0, 12), ha="left", color=colour, weight="bold")
+    for device, place, offset in (("tiles", 0.03, (-8, -8)), ("gl", 0.01, (-8, 0))):
+        name, colour, _ = METHODS[device]
+        row = select(kept, scene=scenes[0], device=device, tolerance=place)[0]
+        write_beside(charts[0], name, *position(row), offset, ha="right", color=colour, weight="bold")
     return figure
 
 
@@ -214,13 +217,18 @@ def draw_subsampling(rows: list[Row]) -> Figure:
     kept = select(rows, scene="plume", tolerance=0.01)
     figure, charts = pyplot.subplots(1, 2, figsize=(10, 4.2))
     shares = numbers(kept, "subsampling")
-    for axes, column, label in zip(
-        charts, ("image_rms_relative", "total_s"), ("error of the picture (relative RMS)", "time of a picture (s)"), strict=True
-    ):
+    contents = (
+        ("image_rms_relative", "error of the picture (relative RMS)", {"tiles": (12, 0, -2), "gl": (0, 0, 20)}),
+        ("processor_s", "processor time of a picture (s)", {"tiles": (0, -1, 12), "gl": (0, -1, 12)}),
+    )
+    for axes, (column, label, places) in zip(charts, contents, strict=True):
         for device, (name, colour, marker) in METHODS.items():
             line = sorted(select(kept, device=device), key=lambda row: -float(row["subsampling"]))
             axes.plot(numbers(line, "subsampling"), numbers(line, column), color=colour, marker=marker)
-            write_beside(axes, name, float(line[0]["subsampling"]), float(line[0][column]), (0, 12), color=colour, weight="bold")
+            right, end, up = places[device]
+            place = float(line[end]["subsampling"]), float(line[end][column])
+            align = "right" if end else "left"
+            write_beside(axes, name, *place, (right, up), ha=align, color=colour, weight="bold")
         fit(axes, shares, numbers(kept, column), percent)
         axes.invert_xaxis()
         scale(axes.xaxis, sorted(set(shares)), percent)

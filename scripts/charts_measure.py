@@ -19,7 +19,7 @@ BENCH = ROOT / "build" / "release" / "fumarole-bench"
 
 SCENE = ("scene", "particles", "depth", "light", "width", "height", "every")
 SETTINGS = ("device", "tolerance", "subsampling", "threads")
-RESULTS = ("image_rms_relative", "bias", "light_s", "draw_s", "total_s", "samples", "reference_error")
+RESULTS = ("image_rms_relative", "bias", "light_s", "draw_s", "total_s", "processor_s", "samples", "reference_error")
 COLUMNS = SCENE + SETTINGS + RESULTS
 
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001)
@@ -42,7 +42,7 @@ class Setting:
 
 BOTH_DEVICES = tuple(Setting(device) for device in DEVICES)
 EACH_TOLERANCE = tuple(Setting("tiles", tolerance) for tolerance in TOLERANCES)
-EVERYTHING = tuple(Setting(device, tolerance) for device in DEVICES for tolerance in TOLERANCES)
+EVERYTHING = (*EACH_TOLERANCE, Setting("gl"))
 SUBSAMPLED = tuple(Setting(device, subsampling=share) for device in DEVICES for share in SHARES)
 
 

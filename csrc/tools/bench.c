@@ -22,6 +22,13 @@ double peak_rss_mb(void) {
   return (double)usage.ru_maxrss / 1024.0;
 }
 
+double processor_seconds(void) {
+  struct rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+         1e-6 * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+}
+
 static int run(fum_context *context, const options *o, const cloud *c) {
   if (fum_context_set_threads(context, o->threads) != FUM_OK) return bench_fail(context);
   if (strcmp(o->command, "lighting") == 0) return bench_lighting(context, o, c);

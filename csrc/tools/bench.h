@@ -19,4 +19,7 @@ int bench_no_memory(void);
 
 double peak_rss_mb(void);
 
+/* Processor time of this program so far, over all its threads. */
+double processor_seconds(void);
+
 #endif

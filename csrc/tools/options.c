@@ -30,7 +30,8 @@ static const char USAGE[] =
     "image: errors of the picture against the reference, a row for each position of the light\n"
     "  --depth D (default 5, of puff and six 3 a particle, of plume 8), --reference-tolerance X (default 0.0001),\n"
     "  --every N (compares every Nth pixel of every Nth row; default 1, of plume 64),\n"
-    "  --light side|front|behind|two (one of them alone), --repeat N (median time of N renders, 15 at most),\n"
+    "  --light side|front|behind|two (one of them alone), --repeat N (the one of median time of N renders, 15 at "
+    "most),\n"
     "  --then (the options after it change settings for one more row against the same reference, 64 at most)\n";
 
 int usage_error(const char *what, const char *value) {

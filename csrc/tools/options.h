@@ -15,7 +15,7 @@ typedef struct options {
   double depth; /* optical depth; 0: the scene's own */
   int32_t lights, threads, width, height;
   int32_t every;       /* image: compare every such pixel of every such row */
-  int32_t repeat;      /* image: renders of each row, of which the median time counts */
+  int32_t repeat;      /* image: renders of each row, of which the one of the median processor time counts */
   int32_t wants_depth; /* Depth pass as well */
   int32_t row_count;
   fum_settings rows[OPTIONS_MAX_ROWS]; /* image: settings of each row */

@@ -30,7 +30,7 @@ def test_files_hold_a_row_for_each_setting(table: str) -> None:
     for row in found:
         assert all(row[name].isalpha() for name in words)
         measured = {name: float(row[name]) for name in charts_measure.COLUMNS if name not in words}
-        assert 0 < measured["image_rms_relative"] < 2 and measured["total_s"] > 0
+        assert 0 < measured["image_rms_relative"] < 2 and min(measured["total_s"], measured["processor_s"]) > 0
         assert measured["reference_error"] < 0.1 * measured["image_rms_relative"]
 
 
