@@ -135,6 +135,7 @@ def draw_scene_settings(axes: Axes, rows: list[Row]) -> None:
     for row in select(rows, device="tiles", subsampling=1.0):
         write_beside(axes, percent(float(row["tolerance"])), *position(row), (7, 4), color=BLUE)
     fit(axes, times, errors)
+    axes.set_xlim(right=2.6 * max(times))
     axes.set_title(scene_title(rows[0]))
     axes.set_xlabel("processor time of a picture (s)")
 
@@ -149,9 +150,9 @@ def draw_error_time(rows: list[Row]) -> Figure:
     charts[0].set_ylim(min(errors) / 1.6, max(errors) * 1.6)
     scale(charts[0].yaxis, round_ticks(*charts[0].get_ylim()), percent)
     charts[0].set_ylabel("error of the picture (relative RMS)")
-    for device, place, offset in (("tiles", 0.03, (-8, -8)), ("gl", 0.01, (-8, 0))):
+    for device, offset in (("tiles", (-10, -8)), ("gl", (-10, 0))):
         name, colour, _ = METHODS[device]
-        row = select(kept, scene=scenes[0], device=device, tolerance=place)[0]
+        row = select(kept, scene=scenes[0], device=device, tolerance=0.01)[0]
         write_beside(charts[0], name, *position(row), offset, ha="right", color=colour, weight="bold")
     return figure
 
@@ -235,7 +236,7 @@ def draw_subsampling(rows: list[Row]) -> Figure:
         axes.set_title(label)
         axes.set_xlabel("share of the particles that cast shadows")
     low, high = charts[1].get_ylim()
-    scale(charts[1].yaxis, round_ticks(low, high, steps=(1, 2, 5)), plain)
+    scale(charts[1].yaxis, round_ticks(low, high, steps=(1, 2, 3, 5)), plain)
     return figure
 
 
