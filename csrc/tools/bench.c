@@ -11,10 +11,22 @@ int bench_fail(const fum_context *context) {
   return 1;
 }
 
+int bench_no_memory(void) {
+  fprintf(stderr, "fumarole-bench: no memory for the picture\n");
+  return 1;
+}
+
 double peak_rss_mb(void) {
   struct rusage usage;
   getrusage(RUSAGE_SELF, &usage);
   return (double)usage.ru_maxrss / 1024.0;
+}
+
+double processor_seconds(void) {
+  struct rusage usage;
+  getrusage(RUSAGE_SELF, &usage);
+  return (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+         1e-6 * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
 }
 
 static int run(fum_context *context, const options *o, const cloud *c) {

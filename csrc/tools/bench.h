@@ -14,6 +14,12 @@ int bench_image(fum_context *context, const options *o, const cloud *c);
 /* Says on standard error what failed last. Returns 1. */
 int bench_fail(const fum_context *context);
 
+/* The same where a picture's memory is missing. */
+int bench_no_memory(void);
+
 double peak_rss_mb(void);
+
+/* Processor time of this program so far, over all its threads. */
+double processor_seconds(void);
 
 #endif

@@ -35,12 +35,9 @@ int bench_frame(fum_context *context, const options *o, const cloud *c) {
   fum_scene *scene = NULL;
   float *depth = NULL, *combined = malloc(4 * pixels * sizeof *combined);
   if (o->wants_depth) depth = malloc(pixels * sizeof *depth);
-  int status = fum_scene_create(context, &scene);
-  if (status == FUM_OK) status = stage_add_cloud(scene, c);
-  if (status == FUM_OK) status = stage_add_ring(scene, c, o->lights);
+  int status = stage_create_ring(context, c, o->lights, &scene);
   if (combined == NULL || (o->wants_depth && depth == NULL)) {
-    fprintf(stderr, "fumarole-bench: no memory for the picture\n");
-    status = 1;
+    status = bench_no_memory();
   } else {
     status = status == FUM_OK ? draw(context, scene, o, c, combined, depth) : bench_fail(context);
   }

@@ -64,9 +64,7 @@ static int light_and_measure(fum_context *context, fum_scene *scene, const optio
 
 int bench_lighting(fum_context *context, const options *o, const cloud *c) {
   fum_scene *scene = NULL;
-  int status = fum_scene_create(context, &scene);
-  if (status == FUM_OK) status = stage_add_cloud(scene, c);
-  if (status == FUM_OK) status = stage_add_ring(scene, c, o->lights);
+  int status = stage_create_ring(context, c, o->lights, &scene);
   status = status == FUM_OK ? light_and_measure(context, scene, o, c) : bench_fail(context);
   fum_scene_destroy(scene);
   return status;

@@ -7,10 +7,7 @@
 
 static int write_picture(fum_context *context, const options *o, const double *pixels, int64_t count) {
   float *rounded = malloc((size_t)count * sizeof *rounded);
-  if (rounded == NULL) {
-    fprintf(stderr, "fumarole-bench: no memory for the picture\n");
-    return 1;
-  }
+  if (rounded == NULL) return bench_no_memory();
   for (int64_t i = 0; i < count; i++)
     rounded[i] = (float)pixels[i];
   const fum_image_layer layer = {"", "RGBA", rounded};
@@ -38,12 +35,9 @@ int bench_reference(fum_context *context, const options *o, const cloud *c) {
   const int64_t count = 4 * (int64_t)o->width * o->height;
   fum_scene *scene = NULL;
   double *pixels = malloc((size_t)count * sizeof *pixels);
-  int status = fum_scene_create(context, &scene);
-  if (status == FUM_OK) status = stage_add_cloud(scene, c);
-  if (status == FUM_OK) status = stage_add_ring(scene, c, o->lights);
+  int status = stage_create_ring(context, c, o->lights, &scene);
   if (pixels == NULL) {
-    fprintf(stderr, "fumarole-bench: no memory for the picture\n");
-    status = 1;
+    status = bench_no_memory();
   } else {
     status = status == FUM_OK ? march(context, scene, o, c, pixels, count) : bench_fail(context);
   }

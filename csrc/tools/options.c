@@ -29,7 +29,10 @@ static const char USAGE[] =
     "  --depth D (optical depth across the scene), --exr FILE\n"
     "image: errors of the picture against the reference, a row for each position of the light\n"
     "  --depth D (default 5, of puff and six 3 a particle, of plume 8), --reference-tolerance X (default 0.0001),\n"
-    "  --every N (compares every Nth pixel of every Nth row; default 1, of plume 64)\n";
+    "  --every N (compares every Nth pixel of every Nth row; default 1, of plume 64),\n"
+    "  --light side|front|behind|two (one of them alone), --repeat N (the one of median time of N renders, 15 at "
+    "most),\n"
+    "  --then (the options after it change settings for one more row against the same reference, 64 at most)\n";
 
 int usage_error(const char *what, const char *value) {
   fprintf(stderr, "fumarole-bench: %s %s\n%s", what, value, USAGE);
@@ -70,6 +73,7 @@ static bool parse_number(options *o, const char *name, const char *value) {
       {"--width", .whole = &o->width},
       {"--height", .whole = &o->height},
       {"--every", .whole = &o->every},
+      {"--repeat", .whole = &o->repeat},
       {"--leaf", .whole = &o->settings.leaf_size},
       {"--subsampling", .single = &o->settings.subsampling},
       {"--tolerance", .single = is_reference ? NULL : &o->settings.tolerance,
@@ -93,6 +97,7 @@ static bool parse_number(options *o, const char *name, const char *value) {
 static bool parse_option(options *o, const char *name, const char *value) {
   static const char *const solvers[] = {"automatic", "exact"}, *const devices[] = {"auto", "gl", "tiles"};
   const char **text = strcmp(name, "--file") == 0    ? &o->file
+                      : strcmp(name, "--light") == 0 ? &o->light
                       : strcmp(name, "--exr") == 0   ? &o->exr
                       : strcmp(name, "--scene") == 0 ? &o->scene
                                                      : NULL;
@@ -110,7 +115,8 @@ static void set_defaults(options *o, const char *command) {
                  .scene = strcmp(command, "image") == 0 ? "ball" : "plume",
                  .particles = -1,
                  .sample = 256,
-                 .lights = 1};
+                 .lights = 1,
+                 .repeat = 1};
   fum_settings_init(&o->settings);
   fum_reference_settings_init(&o->reference);
 }
@@ -127,8 +133,8 @@ static void set_sizes(options *o) {
 
 static bool is_in_range(const options *o) {
   return o->particles >= -1 && o->lights >= 0 && o->lights <= 1024 && o->sample >= 0 && o->depth >= 0.0 &&
-         o->every >= 1 && o->every <= 1024 && o->width >= 1 && o->height >= 1 && o->width <= 65536 &&
-         o->height <= 65536;
+         o->every >= 1 && o->every <= 1024 && o->repeat >= 1 && o->repeat <= OPTIONS_MAX_REPEAT && o->width >= 1 &&
+         o->height >= 1 && o->width <= 65536 && o->height <= 65536;
 }
 
 int options_parse(int argc, char **argv, options *o) {
@@ -145,9 +151,14 @@ int options_parse(int argc, char **argv, options *o) {
       o->wants_depth = 1;
       continue;
     }
+    if (strcmp(argv[i], "--then") == 0 && strcmp(o->command, "image") == 0 && o->row_count + 1 < OPTIONS_MAX_ROWS) {
+      o->rows[o->row_count++] = o->settings;
+      continue;
+    }
     if (i + 1 >= argc || !parse_option(o, argv[i], argv[i + 1])) return usage_error("can't use", argv[i]);
     i++;
   }
+  o->rows[o->row_count++] = o->settings;
   set_sizes(o);
   if (!is_in_range(o)) return usage_error("out of range:", "a number");
   return 0;

@@ -5,15 +5,21 @@
 
 #include "fumarole.h"
 
+enum { OPTIONS_MAX_ROWS = 64, OPTIONS_MAX_REPEAT = 15 };
+
 typedef struct options {
   const char *command, *scene, *file, *exr;
+  const char *light; /* image: name of the one arrangement of lights; NULL: all */
   int64_t particles; /* -1: the scene's own */
   int64_t sample;
   double depth; /* optical depth; 0: the scene's own */
   int32_t lights, threads, width, height;
   int32_t every;       /* image: compare every such pixel of every such row */
+  int32_t repeat;      /* image: renders of each row, of which the one of the median processor time counts */
   int32_t wants_depth; /* Depth pass as well */
-  fum_settings settings;
+  int32_t row_count;
+  fum_settings rows[OPTIONS_MAX_ROWS]; /* image: settings of each row */
+  fum_settings settings;               /* the last of them */
   fum_reference_settings reference;
 } options;
 

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-int32_t stage_add_cloud(fum_scene *scene, const cloud *c) {
+int32_t stage_create(fum_context *context, const cloud *c, fum_scene **out_scene) {
   fum_particles_desc particles;
   fum_particles_desc_init(&particles);
   particles.name = "cloud";
@@ -13,7 +13,8 @@ int32_t stage_add_cloud(fum_scene *scene, const cloud *c) {
   particles.radii = c->radii;
   particles.densities = c->densities;
   particles.albedos = c->albedos;
-  return fum_scene_add_particles(scene, &particles);
+  const int32_t status = fum_scene_create(context, out_scene);
+  return status == FUM_OK ? fum_scene_add_particles(*out_scene, &particles) : status;
 }
 
 void stage_place(const cloud *c, const double position[3], double out_world[3]) {
@@ -72,12 +73,12 @@ void stage_ring(int index, double out_position[3]) {
   out_position[2] = 1.2;
 }
 
-int32_t stage_add_ring(fum_scene *scene, const cloud *c, int count) {
-  int32_t status = FUM_OK;
+int32_t stage_create_ring(fum_context *context, const cloud *c, int count, fum_scene **out_scene) {
+  int32_t status = stage_create(context, c, out_scene);
   for (int i = 0; i < count && status == FUM_OK; i++) {
     double position[3];
     stage_ring(i, position);
-    status = stage_add_light(scene, c, position, 1.0 / count);
+    status = stage_add_light(*out_scene, c, position, 1.0 / count);
   }
   return status;
 }

@@ -108,7 +108,15 @@ def test_broken_ply_is_named(content: bytes, message: str, tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["fly"], ["lighting", "--particles"], ["lighting", "--solver", "guess"], ["frame", "--width", "x"]],
+    [
+        [],
+        ["fly"],
+        ["lighting", "--particles"],
+        ["lighting", "--solver", "guess"],
+        ["frame", "--width", "x"],
+        ["frame", "--then"],
+        ["image", "--light", "top"],
+    ],
 )
 def test_wrong_arguments_show_the_usage(arguments: list[str]) -> None:
     done = bench(*arguments)
@@ -145,6 +153,22 @@ def test_image_compares_with_the_reference(scene: str) -> None:
         assert (found["scene"], found["particles"], found["depth"]) == (scene, count, 2)
         assert 0 < found["image_rms_relative"] < 0.7 and abs(found["bias"]) < found["image_rms_relative"] * 1.5
         assert found["reference_error"] < 1e-3 and {"light_s", "draw_s", "slices", "samples"} <= set(found)
+
+
+def test_image_tries_settings_against_one_reference() -> None:
+    """The options after --then keep what was set before."""
+    size = ("--particles", 200, "--width", 32, "--height", 32, "--reference-tolerance", 1e-3, "--light", "behind", "--threads", 2)
+    tried = ("--tolerance", 0.1, "--repeat", 3, "--then", "--tolerance", 0.01, "--then", "--subsampling", 0.5)
+    done = bench("image", *size, *tried)
+    assert done.returncode == 0, done.stderr
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(found["tolerance"], found["subsampling"]) for found in rows] == [(0.1, 1), (0.01, 1), (0.01, 0.5)]
+    assert len({found["reference_s"] for found in rows}) == 1
+    for found in rows:
+        assert (found["light"], found["device"], found["threads"]) == ("behind", "tiles", 2)
+        assert found["total_s"] >= found["light_s"] + found["draw_s"] and found["processor_s"] > 0
+    loose, fine, sparse = (found["image_rms_relative"] for found in rows)
+    assert fine < loose and fine < sparse
 
 
 def test_image_error_falls_with_the_number_of_particles() -> None:
