@@ -98,6 +98,7 @@ static void interpolate_middle(const fum_light_grid *grid, const float *values, 
 typedef struct span {
   const fum_light_grid *grid;
   const fum_lamp *lamp;
+  int32_t slab;
   fum_emitter center;
   fum_vec3 start, direction; /* of the ray at the slab's first face, local space */
   float begin, end;          /* of the smoke, m from there */
@@ -150,11 +151,31 @@ static float depth_at(const span *s, float along) {
 static bool is_shadow_edge(const span *s) {
   const fum_tile_job *job = s->grid->job;
   const float blocked = 1.0F - job->solid_shadow_intensity, slack = 1e-3F;
-  if (job->lattice->visible == NULL || s->lamp->sample_count > 1) return false;
+  if (job->lattice->visible == NULL) return false;
   return s->visible < 1.0F - slack && fabsf(s->visible - blocked) > slack;
 }
 
-static lit light_at(const span *s, float along) {
+enum { PARTS = 16 };
+
+/* The point of the light that part `part` of a span asks for its shadow: all parts together ask for points all over the
+ * light, neighbouring slabs for different ones. */
+static fum_emitter shadow_sample(const span *s, int32_t part) {
+  static const int32_t turns[PARTS] = {0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15}; /* bits reversed */
+  const int32_t count = s->lamp->sample_count;
+  return count == 1 ? s->center : fum_lamp_sample(s->lamp, (turns[part] * count / PARTS + s->slab) % count);
+}
+
+/* Is a point of the ray in the shadow of a solid, seen from that part's point of the light? */
+static bool is_shadowed(const span *s, fum_vec3 point, int32_t part) {
+  const fum_emitter sample = shadow_sample(s, part);
+  if (sample.is_directional) return fum_solids_occlude(s->grid->job->solids, point, sample.direction, INFINITY);
+  const fum_vec3 line = fum_sub(sample.position, point);
+  const float length = fum_length(line);
+  return fum_solids_occlude(s->grid->job->solids, point, fum_scaled(line, 1.0F / fmaxf(length, 1e-20F)), length);
+}
+
+/* `part` of the span, of PARTS. */
+static lit light_at(const span *s, float along, int32_t part) {
   const fum_tile_job *job = s->grid->job;
   const fum_vec3 point = fum_mad(s->direction, along, s->start);
   const fum_vec3 line = s->center.is_directional ? s->center.direction : fum_sub(s->center.position, point);
@@ -163,12 +184,10 @@ static lit light_at(const span *s, float along) {
   l.strength = s->is_area ? fmaxf(s->sent, 0.0F)
                           : fum_emitter_irradiance(s->lamp, &s->center, point) * (float)s->lamp->sample_count;
   if (job->lattice->visible == NULL || !(l.strength > 0.0F)) return l;
-  if (is_shadow_edge(s)) {
-    const float distance = s->center.is_directional ? INFINITY : length;
-    const bool is_blocked = fum_solids_occlude(job->solids, point, l.to_light, distance);
-    l.strength *= is_blocked ? 1.0F - job->solid_shadow_intensity : 1.0F;
-  } else {
+  if (!is_shadow_edge(s)) {
     l.strength *= fminf(fmaxf(s->visible, 0.0F), 1.0F);
+  } else if (is_shadowed(s, point, part)) {
+    l.strength *= 1.0F - job->solid_shadow_intensity;
   }
   return l;
 }
@@ -188,8 +207,6 @@ static bool is_uneven(const span *s) {
   const float high = fmaxf(strengths[0], fmaxf(strengths[1], strengths[2]));
   return fminf(strengths[0], fminf(strengths[1], strengths[2])) < 0.8F * high;
 }
-
-enum { PARTS = 16 };
 
 /* Points that share out the span evenly, or towards a nearby light evenly by angle (Kulla and Fajardo 2012, Importance
  * sampling techniques for path tracing in participating media), and the share of the span that each stands for. */
@@ -213,7 +230,7 @@ static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
   divide(s, places, weights);
   for (int k = 0; k < PARTS; k++) {
     const float share = (places[k] - s->begin) / (s->end - s->begin);
-    parts[k] = light_at(s, places[k]);
+    parts[k] = light_at(s, places[k], k);
     parts[k].depth += s->optical_depth * share * (1.0F - s->lean * (1.0F - share));
     weights[k] *= 1.0F - s->lean * (1.0F - 2.0F * share);
     least = fminf(least, parts[k].depth);
@@ -237,7 +254,7 @@ static float bent_share(float bend, float a) {
 
 static void light_middle(const span *s, int32_t pixel, fum_slab_light *out) {
   const fum_tile_job *job = s->grid->job;
-  const lit l = light_at(s, 0.5F * (s->begin + s->end));
+  const lit l = light_at(s, 0.5F * (s->begin + s->end), 0);
   const float begin = depth_at(s, s->begin), end = depth_at(s, s->end);
   const float bend = l.depth - 0.5F * (begin + end) + 0.25F * s->lean * (end - begin);
   const float strength = l.strength * bent_share(bend, s->optical_depth + end - begin);
@@ -273,6 +290,7 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_sl
   const fum_lamp *lamp = &job->lamps[light];
   span s = {.grid = grid,
             .lamp = lamp,
+            .slab = smoke->index,
             .center = {.is_directional = lamp->desc.type == FUM_LIGHT_SUN,
                        .position = lamp->position,
                        .direction = lamp->back},

@@ -167,11 +167,14 @@ static fum_face make_face(const bin *b, double range, double tolerance) {
   return face;
 }
 
-/* Slabs a metre in every bin. When they would be too many, all are stretched alike. */
-static void find_frequencies(const bin *bins, double metres_per_bin, double tolerance, double *out) {
+/* Slabs a metre in every bin. Where the view begins amid smoke, nothing in front hides what the first slabs are off by:
+ * they are half as long. When slabs would be too many, all are stretched alike. */
+static void find_frequencies(const bin *bins, double metres_per_bin, bool begins_in_smoke, double tolerance,
+                             double *out) {
   double wanted = 0.0;
   for (int b = 0; b < BINS; b++) {
     out[b] = bins[b].mass > 0.0 ? 1.0 / (slab_step(thickness_of(&bins[b]), tolerance) * sigma_of(&bins[b])) : 0.0;
+    if (begins_in_smoke && b * metres_per_bin * out[b] < 1.0) out[b] *= 2.0;
     wanted += out[b] * metres_per_bin;
   }
   const double most = FUM_MAX_SLABS - BINS; /* the rest is for the ends of gaps */
@@ -197,12 +200,12 @@ static double next_range(const double *frequencies, double start, double metres_
   return range;
 }
 
-static int32_t place_faces(const bin *bins, const double extent[2], float tolerance, double *frequencies,
-                           fum_face *faces) {
+static int32_t place_faces(const bin *bins, const double extent[2], bool begins_in_smoke, float tolerance,
+                           double *frequencies, fum_face *faces) {
   const double metres_per_bin = (extent[1] - extent[0]) / BINS;
   double range = extent[0];
   int32_t count = 0;
-  find_frequencies(bins, metres_per_bin, (double)tolerance, frequencies);
+  find_frequencies(bins, metres_per_bin, begins_in_smoke, (double)tolerance, frequencies);
   while (range < extent[1] && count < FUM_MAX_SLABS) {
     const int b = (int)fmin(BINS - 1, fmax(0.0, (range - extent[0]) / metres_per_bin));
     faces[count] = make_face(&bins[b], range, (double)tolerance);
@@ -237,7 +240,7 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
   }
   s.bins = bins;
   scan_leaves(&s);
-  out_slabs->count = place_faces(bins, s.extent, tolerance, frequencies, faces);
+  out_slabs->count = place_faces(bins, s.extent, s.extent[0] <= view->clip_start, tolerance, frequencies, faces);
   out_slabs->faces = faces;
   faces = NULL;
 done:
