@@ -317,6 +317,7 @@ static int32_t combine_with_tiles(render *r) {
   start_s = fum_now_s();
   status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
   if (status != FUM_OK) goto done;
+  fum_tiles_shade_dust(r->context, &job, &splats);
   r->stats.drawn_count = splats.seen_count;
   r->stats.sort_s = fum_now_s() - start_s;
   start_s = fum_now_s();

@@ -2,36 +2,12 @@
 #include "billboard/splats.h"
 
 #include "base/vector.h"
+#include "billboard/dust.h"
 #include "lighting/slabs.h"
 
 /* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
  * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
 static const double MIN_SIGMA_PIXELS = 0.6;
-
-/* Area that a Gaussian of optical depth tau covers, the integral of 1 - exp(-tau(r)), over 2 pi sigma^2: the entire
- * exponential integral Ein(tau). Above 1: Abramowitz and Stegun, Handbook of Mathematical Functions, 5.1.56. */
-static double coverage(double tau) {
-  const double euler_gamma = 0.57721566490153286;
-  if (tau < 1.0) {
-    double term = tau, sum = tau;
-    for (int n = 2; n < 16; n++) {
-      term *= -tau / n;
-      sum += term / n;
-    }
-    return sum;
-  }
-  const double tail = exp(-tau) / tau * ((tau + 2.334733) * tau + 0.250621) / ((tau + 3.330657) * tau + 1.681534);
-  return log(tau) + euler_gamma + tail;
-}
-
-/* The optical depth whose coverage is `area`, by Newton's method. */
-static double depth_of_coverage(double area) {
-  if (area < 0.01) return area * (1.0 + area * (0.25 + 0.0694 * area));
-  double tau = fmax(area, exp(area - 0.57721566490153286));
-  for (int i = 0; i < 5; i++)
-    tau += (area - coverage(tau)) * tau / (1.0 - exp(-tau));
-  return tau;
-}
 
 /* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions,
  * so that a disc across the camera's plane needs no division. */
@@ -81,16 +57,13 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, 
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   double c[3];
   fum_transform_point(view->camera_from_local, local, c);
-  fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}};
+  fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
   const double pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
                             (view->window[3] - view->window[2]) / (double)view->height);
   const double width = fmax(sigma, MIN_SIGMA_PIXELS * pixel * (is_perspective ? fmax(-c[2], 0.0) : 1.0));
   double optical_depth = (double)fmaxf(octree->optical_depths[i], thinnest);
-  if (width > sigma) {
-    const double share = sigma / width;
-    optical_depth = depth_of_coverage(coverage(optical_depth) * share * share);
-  }
+  if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;
   splat.width = (float)width;
   splat.optical_depth = (float)optical_depth;

@@ -15,6 +15,7 @@ typedef struct fum_splat {
   float optical_depth;        /* through the centre, lowered when it was widened */
   float reach;                /* m along the view beyond which it holds nothing that is seen */
   float range;                /* distance of the centre, in an orthographic view its depth */
+  float self_shade;           /* factor on what it scatters, of particles thinner than a pixel; 1 else */
   int32_t lower[2], upper[2]; /* pixels of the footprint, upper not included; empty if it isn't seen */
 } fum_splat;
 

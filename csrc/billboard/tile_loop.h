@@ -46,7 +46,7 @@ static void aim(tile *t) {
 }
 
 /* What a splat adds to each channel behind the first, as factors on its optical depth. */
-static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
+static void find_look(const fum_tile_job *job, uint32_t index, float self_shade, float *out) {
   if (job->is_uniform) return;
   const fum_particles *set = fum_scene_particles_of(job->scene, index);
   const int64_t i = index - set->offset;
@@ -54,7 +54,7 @@ static void find_look(const fum_tile_job *job, uint32_t index, float *out) {
   const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
   for (int32_t k = 0; k < job->class_count; k++) {
     for (int c = 0; c < 3; c++)
-      out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] : 0.0F;
+      out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] * self_shade : 0.0F;
   }
   const float density = fmaxf(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
   for (int c = 0; job->glows && c < 3; c++)
@@ -200,7 +200,7 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     const fum_splat *s = &t->job->splats->splats[indices[n]];
     int32_t first, last;
     find_span(t, s, &first, &last);
-    find_look(t->job, t->job->octree->indices[indices[n]], look);
+    find_look(t->job, t->job->octree->indices[indices[n]], s->self_shade, look);
     const float reach = 1.125F * s->reach;
     const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
     const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);

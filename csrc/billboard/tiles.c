@@ -2,6 +2,8 @@
 #include "billboard/tiles.h"
 
 #include "base/cpu.h"
+#include "base/vector.h"
+#include "billboard/dust.h"
 #include "billboard/tile_light.h"
 
 #include <stdlib.h>
@@ -54,6 +56,42 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_
   /* Something that glows without absorbing gets an optical depth too thin to be seen. */
   job->thinnest = job->glows ? 1e-5F : 0.0F;
   return FUM_OK;
+}
+
+/* Mean over the lights of how much a particle shades itself, weighted with what each sends. */
+static double find_self_shade(const fum_tile_job *job, int64_t i) {
+  const fum_octree *octree = job->octree;
+  const double *m = job->view->local_from_camera;
+  const fum_vec3 at = {octree->x[i], octree->y[i], octree->z[i]}, back = {(float)m[2], (float)m[6], (float)m[10]};
+  const fum_vec3 camera = {(float)m[3], (float)m[7], (float)m[11]};
+  const fum_vec3 to_camera = job->view->type == FUM_CAMERA_PERSPECTIVE ? fum_sub(camera, at) : back;
+  double shaded = 0.0, sent = 0.0;
+  for (int32_t l = 0; l < job->lattice->light_count; l++) {
+    const fum_lamp *lamp = &job->lamps[l];
+    const fum_emitter sample = fum_lamp_sample(lamp, 0);
+    const fum_vec3 to_light = sample.is_directional ? sample.direction : fum_sub(lamp->position, at);
+    const float lengths = fum_length(to_light) * fum_length(to_camera), *color = lamp->desc.intensity;
+    const double strength = (double)(fum_emitter_irradiance(lamp, &sample, at) * (color[0] + color[1] + color[2]));
+    const double cosine = lengths > 0.0F ? (double)(fum_dot(to_light, to_camera) / lengths) : 1.0;
+    shaded += strength * fum_dust_shade((double)octree->optical_depths[i], cosine);
+    sent += strength;
+  }
+  return sent > 0.0 ? shaded / sent : 1.0;
+}
+
+void fum_tiles_shade_dust(fum_context *context, fum_tile_job *job, fum_splats *splats) {
+  const float dense = 0.04F; /* below, it shades itself by less than a hundredth */
+  int64_t count = 0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : count)
+  for (int64_t i = 0; i < splats->count; i++) {
+    fum_splat *s = &splats->splats[i];
+    if (!(s->width > s->sigma) || job->octree->optical_depths[i] < dense) continue;
+    /* The wider a particle is drawn, the less of its shade meets a sample of light. */
+    const double missed = 1.0 - (double)(s->sigma * s->sigma) / (double)(s->width * s->width);
+    s->self_shade = (float)(1.0 - missed * (1.0 - find_self_shade(job, i)));
+    count++;
+  }
+  if (count > 0) job->is_uniform = false;
 }
 
 int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {

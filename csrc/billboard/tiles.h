@@ -8,6 +8,9 @@
 /* Fills in what the job needs to know of the particles' looks. Fails when they have too many anisotropies. */
 int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[16], fum_tile_job *job);
 
+/* Finds splats' self_shade. */
+void fum_tiles_shade_dust(fum_context *context, fum_tile_job *job, fum_splats *splats);
+
 /* Renders all tiles into job->rgba, which is zeroed. */
 int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job);
 

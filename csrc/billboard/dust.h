@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Particles thinner than a pixel: drawn wider, and shaded by themselves as a whole, for light is sampled a pixel apart
+ * at the closest. */
+#ifndef FUM_BILLBOARD_DUST_H
+#define FUM_BILLBOARD_DUST_H
+
+/* The optical depth with which a Gaussian that is 1 / ratio times wider covers the same area; 0 < ratio <= 1. */
+double fum_dust_widened(double optical_depth, double ratio);
+
+/* Light that a particle scatters to the camera past itself, over what it would if light came to it unshaded; `cosine`
+ * is that of the angle between the ways to the light and to the camera. */
+double fum_dust_shade(double optical_depth, double cosine);
+
+#endif
