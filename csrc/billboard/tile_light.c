@@ -3,6 +3,7 @@
 
 #include "lighting/inscatter.h"
 #include "lighting/lookup.h"
+#include "lighting/panel.h"
 
 #include <string.h>
 
@@ -107,7 +108,7 @@ typedef struct span {
   float length, held[2];     /* of the slab; what the lattice holds on its faces... */
   float bow;                 /* ...and how it runs between them (fum_lattice_bow) */
   float nearest, beside;     /* where the ray passes the light, and how far from it */
-  float visible, sent;       /* interpolated */
+  float visible;             /* interpolated */
   bool is_area, is_per_metre;
 } span;
 
@@ -181,7 +182,7 @@ static lit light_at(const span *s, float along, int32_t part) {
   const fum_vec3 line = s->center.is_directional ? s->center.direction : fum_sub(s->center.position, point);
   const float length = fum_length(line);
   lit l = {.depth = depth_at(s, along), .to_light = fum_scaled(line, 1.0F / fmaxf(length, 1e-20F))};
-  l.strength = s->is_area ? fmaxf(s->sent, 0.0F)
+  l.strength = s->is_area ? fum_panel_irradiance(s->lamp, point)
                           : fum_emitter_irradiance(s->lamp, &s->center, point) * (float)s->lamp->sample_count;
   if (job->lattice->visible == NULL || !(l.strength > 0.0F)) return l;
   if (!is_shadow_edge(s)) {
@@ -195,9 +196,10 @@ static lit light_at(const span *s, float along, int32_t part) {
 /* Does light change so much along the span that its middle doesn't stand for it? */
 static bool is_uneven(const span *s) {
   if (is_shadow_edge(s)) return true;
-  if (s->center.is_directional || s->is_area) return false;
+  if (s->center.is_directional) return false;
+  const float *size = s->lamp->desc.area_size, radius = s->is_area ? 0.5F * hypotf(size[0], size[1]) : 0.0F;
   const float clear = fmaxf(0.0F, fmaxf(s->begin - s->nearest, s->nearest - s->end)), steep = 0.25F;
-  if (s->end - s->begin > steep * hypotf(s->beside, clear)) return true;
+  if (s->end - s->begin > steep * (hypotf(s->beside, clear) - radius)) return true;
   if (s->lamp->desc.type != FUM_LIGHT_SPOT) return false;
   float strengths[3];
   for (int k = 0; k < 3; k++) {
@@ -297,7 +299,7 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_sl
             .is_area = lamp->desc.type == FUM_LIGHT_AREA,
             .is_per_metre = fum_lattice_is_per_metre(lamp)};
   const float *faces[4];
-  float ranges[4], visible[FUM_TILE_PIXELS], sent[FUM_TILE_PIXELS];
+  float ranges[4], visible[FUM_TILE_PIXELS];
   for (int32_t k = 0; k < 4; k++) {
     faces[k] = held_on_face(grid, light, smoke->index - 1 + k, held);
     ranges[k] = fum_slabs_range(job->slabs, smoke->index - 1 + k);
@@ -305,7 +307,6 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_sl
   const float first = ranges[1], last = ranges[2];
   s.length = last - first;
   if (job->lattice->visible != NULL) interpolate_middle(grid, job->lattice->visible, light, smoke->index, visible);
-  if (s.is_area) interpolate_middle(grid, job->lattice->sent, light, smoke->index, sent);
   out_light->color = lamp->desc.intensity;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) {
     out_light->begin[i] = out_light->end[i] = 0.0F;
@@ -323,7 +324,6 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_sl
     s.optical_depth = smoke->depth[i];
     s.lean = s.end > s.begin ? find_lean(smoke, ranges, grid->near[i], grid->far[i], i) : 0.0F;
     if (job->lattice->visible != NULL) s.visible = visible[i];
-    if (s.is_area) s.sent = sent[i];
     find_ray(grid, i, first, &s.start, &s.direction);
     pass_light(&s);
     (s.end > s.begin && is_uneven(&s) ? light_parts : light_middle)(&s, i, out_light);

@@ -150,8 +150,8 @@ static float spot_factor(const fum_lamp *lamp, fum_vec3 direction) {
   return d->spot_cosine != 0 ? smooth * fmaxf(cosine, 0.0F) : smooth;
 }
 
-static float spread_factor(float spread, float cosine) {
-  const double half = 0.5 * (double)spread;
+float fum_lamp_spread(const fum_lamp *lamp, float cosine) {
+  const double half = 0.5 * (double)lamp->desc.area_spread;
   if (half > FUM_PI / 2.0 - 1e-4) return 1.0F;
   const double tangent = sqrt(fmax(0.0, 1.0 - (double)cosine * (double)cosine)) / (double)cosine;
   return (float)(fmax(0.0, tan(half) - tangent) / (tan(half) - half));
@@ -178,7 +178,7 @@ float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, f
     if (!(cosine > 0.0F)) return 0.0F;
     const float shape = d->area_shape == FUM_AREA_ELLIPSE ? (float)(FUM_PI / 4.0) : 1.0F;
     const float patch = shape * d->area_size[0] * d->area_size[1] * share;
-    return spread_factor(d->area_spread, cosine) * solid_angle(patch * cosine, distance_squared);
+    return fum_lamp_spread(lamp, cosine) * solid_angle(patch * cosine, distance_squared);
   }
   /* A disc of radiance I / (pi r^2) that faces the receiver; for r = 0 that is I / d^2. */
   float factor = 0.0F;

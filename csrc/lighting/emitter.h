@@ -35,4 +35,7 @@ fum_emitter fum_lamp_sample(const fum_lamp *lamp, int32_t index);
  * share of the whole light. Sums over the samples to what BLENDER.md measured of Cycles for each type of light. */
 float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, fum_vec3 point);
 
+/* Share of its radiance that an area light sends at this cosine to its axis, above 0. */
+float fum_lamp_spread(const fum_lamp *lamp, float cosine);
+
 #endif

@@ -120,7 +120,7 @@ static void average(const fum_gathering *g, bool is_single, const sums *s, float
 }
 
 int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_depths,
-                          float *out_visible, float *out_sent) {
+                          float *out_visible) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
   const bool needs_rays = g->solids != NULL && out_visible != NULL;
@@ -144,7 +144,6 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     if (status != FUM_OK) goto done;
   }
   average(g, lamp->sample_count == 1, &s, out_depths, out_visible);
-  if (out_sent != NULL) memcpy(out_sent, s.sent, (size_t)count * sizeof *out_sent);
 done:
   fum_free(context, &is_lit);
   fum_free(context, &s.unblocked);

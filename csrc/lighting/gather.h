@@ -42,9 +42,9 @@ int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, c
                          float *out_light);
 
 /* Optical depth through smoke and share that solids let through, [count of receivers] in receivers' order: means over
- * the light's samples, weighted with what each sends. `response` isn't used. `out_visible` may be NULL without solids,
- * `out_sent` (irradiance before smoke and solids, as a factor on the light's colour) if it isn't wanted. */
+ * the light's samples, weighted with what each sends. `response` isn't used. `out_visible` may be NULL without solids.
+ */
 int32_t fum_gather_depths(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
-                          float *out_depths, float *out_visible, float *out_sent);
+                          float *out_depths, float *out_visible);
 
 #endif

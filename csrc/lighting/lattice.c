@@ -179,7 +179,7 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
                              const fum_lamp *lamps, fum_lattice *lattice) {
   fum_context *context = base->context;
   fum_receivers receivers = {0};
-  float *depths = NULL, *visible = NULL, *sent = NULL;
+  float *depths = NULL, *visible = NULL;
   int32_t total = 0, done_samples = 0;
   for (int32_t l = 0; l < light_count; l++)
     total += lamps[l].sample_count;
@@ -188,16 +188,12 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
   if (status == FUM_OK && lattice->visible != NULL) {
     status = fum_alloc(context, c->count, sizeof *visible, "lattice of light", &visible);
   }
-  if (status == FUM_OK && lattice->sent != NULL) {
-    status = fum_alloc(context, c->count, sizeof *sent, "lattice of light", &sent);
-  }
   fum_gathering g = *base;
   g.receivers = &receivers;
   for (int32_t l = 0; l < light_count && status == FUM_OK; l++) {
     const float from = (float)done_samples / (float)total;
     done_samples += lamps[l].sample_count;
-    status =
-        fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible, sent);
+    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
     const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
@@ -207,10 +203,8 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
       const float distance = is_per_metre ? fum_length(fum_sub(lamps[l].position, point)) : 1.0F;
       lattice->depths[at] = fminf(depths[i], OPAQUE) / fmaxf(distance, 1e-20F);
       if (visible != NULL) lattice->visible[at] = visible[i];
-      if (sent != NULL) lattice->sent[at] = sent[i];
     }
   }
-  fum_free(context, &sent);
   fum_free(context, &visible);
   fum_free(context, &depths);
   fum_receivers_free(context, &receivers);
@@ -240,10 +234,6 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
   if (status == FUM_OK && gathering->solids != NULL) {
     status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
   }
-  for (int32_t l = 0; l < light_count && status == FUM_OK && lattice.sent == NULL; l++) {
-    if (lamps[l].desc.type != FUM_LIGHT_AREA) continue;
-    status = fum_alloc(context, values, sizeof *lattice.sent, "lattice of light", &lattice.sent);
-  }
   if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
   if (status == FUM_OK) status = unmark_hidden(context, octree, view, slabs, &lattice, tolerance, &m);
   if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
@@ -267,5 +257,4 @@ void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
   fum_free(context, &lattice->faces);
   fum_free(context, &lattice->depths);
   fum_free(context, &lattice->visible);
-  fum_free(context, &lattice->sent);
 }

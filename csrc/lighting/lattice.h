@@ -25,7 +25,6 @@ typedef struct fum_lattice {
   int64_t lit_count;
   float *depths; /* [light_count][sample_count] optical depth to the light, or that per metre; NaN where it isn't lit */
   float *visible; /* the same: share of the light that solids let through; NULL without solids */
-  float *sent;    /* the same: irradiance, as a factor on the light's colour, of area lights; NULL without any */
 } fum_lattice;
 
 /* Optical depth has a tip at a small light amid smoke, where it is nothing. Divided by the distance to the light it

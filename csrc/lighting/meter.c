@@ -126,9 +126,11 @@ static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_
   const uint64_t seed = fum_hash64((uint64_t)candidate);
   double offset[3];
   if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > s->footprint_sigmas) return false;
+  /* What is seen of a dense particle is the surface of its footprint. */
+  const double stretch = fum_footprint(s->footprint_sigmas, (double)octree->optical_depths[i]) / s->footprint_sigmas;
   const double center[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   for (int axis = 0; axis < 3; axis++) {
-    out_point->position[axis] = center[axis] + offset[axis] / (double)octree->inverse_sigmas[i];
+    out_point->position[axis] = center[axis] + offset[axis] * stretch / (double)octree->inverse_sigmas[i];
   }
   return put_on_pixel(s->view, s->solid_depths, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
 }

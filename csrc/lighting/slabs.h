@@ -25,12 +25,11 @@ typedef struct fum_slabs {
 /* Sigmas around a thin particle within which its smoke is looked at. */
 static const double FUM_REACH_SIGMAS = 4.0;
 
-/* The footprint, in sigmas, of a particle of this optical depth, when `sigmas` is that of a thin one. What lies outside
- * of it is a share of the area that the particle darkens, and that grows with the logarithm of its optical depth only.
- */
+/* The footprint, in sigmas, of a particle of this optical depth, when `sigmas` is that of a thin one: whatever it is,
+ * the same optical depth lies outside. */
 static inline double fum_footprint(double sigmas, double optical_depth) {
   if (!(optical_depth > 1.0)) return sigmas;
-  return sqrt(sigmas * sigmas + 2.0 * log(optical_depth / (1.0 + log(optical_depth))));
+  return sqrt(sigmas * sigmas + 2.0 * log(optical_depth));
 }
 
 /* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a
