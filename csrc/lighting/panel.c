@@ -70,6 +70,36 @@ static float ellipse(const panel *p) {
   return sum;
 }
 
+static bool is_inside(const panel *p, float across, float along) {
+  const float *size = p->lamp->desc.area_size;
+  const float x = 2.0F * across / size[0], y = 2.0F * along / size[1];
+  return p->lamp->desc.area_shape == FUM_AREA_ELLIPSE ? x * x + y * y < 1.0F : fabsf(x) < 1.0F && fabsf(y) < 1.0F;
+}
+
+/* Where the light reaches farther than the cone in which it shines, all of that cone is gone through: rings around the
+ * light's axis, `ahead` and aside of whose middle the point stands. */
+static float cone(const panel *p, float ahead) {
+  enum { RINGS = 12, STEPS = 48 };
+  const float half = 0.5F * p->lamp->desc.area_spread;
+  const float across = -fum_dot(p->center, p->lamp->right), along = -fum_dot(p->center, p->lamp->up);
+  const float turn = 2.0F * (float)FUM_PI / STEPS, ring_angle = half / RINGS;
+  const float cosine = cosf(turn), sine = sinf(turn);
+  float sum = 0.0F;
+  for (int ring = 0; ring < RINGS; ring++) {
+    const float angle = ring_angle * ((float)ring + 0.5F), radius = ahead * tanf(angle);
+    float x = radius, y = 0.0F;
+    int inside = 0;
+    for (int step = 0; step < STEPS; step++) {
+      const float next = cosine * x - sine * y;
+      y = sine * x + cosine * y;
+      x = next;
+      inside += is_inside(p, across + x, along + y);
+    }
+    sum += (float)inside * turn * ring_angle * sinf(angle) * fum_lamp_spread(p->lamp, cosf(angle));
+  }
+  return sum;
+}
+
 float fum_panel_irradiance(const fum_lamp *lamp, fum_vec3 point) {
   const float *size = lamp->desc.area_size;
   const panel p = {.lamp = lamp,
@@ -81,6 +111,7 @@ float fum_panel_irradiance(const fum_lamp *lamp, fum_vec3 point) {
   const float length = fum_length(p.center), ahead = fum_dot(p.center, lamp->back);
   const bool is_ellipse = lamp->desc.area_shape == FUM_AREA_ELLIPSE;
   if (!(ahead > 0.0F)) return 0.0F;
+  if (!p.is_spread && ahead * tanf(0.5F * lamp->desc.area_spread) < fmaxf(size[0], size[1])) return cone(&p, ahead);
   if (length <= far_away * fmaxf(size[0], size[1])) return is_ellipse ? ellipse(&p) : rectangle(&p);
   const float area = (is_ellipse ? (float)FUM_PI / 4.0F : 1.0F) * size[0] * size[1], cosine = ahead / length;
   return fum_lamp_spread(lamp, cosine) * area * cosine / (length * length);

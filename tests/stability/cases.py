@@ -293,6 +293,7 @@ def area_light() -> float:
 
 @case("area light through the smoke", 0.02, depth=4)
 @case("area light through thin smoke", 0.02, depth=0.01)
+@case("area light through thin smoke, little spread", 0.02, depth=0.01, spread=1.0)
 @case("area light through the smoke, an ellipse of little spread", 0.02, depth=4, shape="ELLIPSE", size=1.2, size_y=0.6, spread=1.0)
 def area_inside(depth: float, **more) -> float:
     area = {"type": "AREA", "matrix": aimed((0, 0, 0.2), (0, 0, 0)), "power": 500.0, "size": 1.0} | more
