@@ -9,6 +9,7 @@ static const double CAMERA_Z = 4.0, HALF_WINDOW = 0.35, SIGMA = 0.4, PI = 3.1415
 
 static void draw(const puffs *p, const double to_sun[3], float *out_rgba) {
   stage s = stage_open();
+  assert_int_equal(fum_context_set_threads(s.context, 1), FUM_OK);
   add_puffs(s.scene, p);
   fum_light_desc sun;
   fum_light_desc_init(&sun);

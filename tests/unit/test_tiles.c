@@ -170,6 +170,7 @@ static void test_loops_agree(void **state) {
                                 make_camera(eye, 1.3, 0.1, FUM_CAMERA_ORTHOGRAPHIC)};
   for (int k = 0; k < 3; k++) {
     stage s = stage_open();
+    assert_int_equal(fum_context_set_threads(s.context, 1), FUM_OK);
     add_puffs(s.scene, &small);
     add_point_light(s.scene, light);
     check_loops(s.scene, &cameras[k]);
