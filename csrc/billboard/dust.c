@@ -34,7 +34,7 @@ double fum_dust_widened(double optical_depth, double ratio) {
 
 /* With the light behind the camera, integrating exp(-2 tau) through the particle gives Ein(2 tau) / 2; from behind the
  * particle, exp(-tau) everywhere on a line gives 1 - exp(-tau). Between them a fit to quadrature over the particle,
- * within 0.06 of their difference. */
+ * within 0.013 up to an optical depth of 30. */
 double fum_dust_shade(double optical_depth, double cosine) {
   if (!(optical_depth > 1e-4)) return 1.0;
   const double area = coverage(optical_depth);

@@ -10,25 +10,25 @@ fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point)
   return length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
 }
 
-/* Way to a sample of a light. */
+/* Way from a receiver to a sample of a light. */
 typedef struct way {
-  fum_vec3 direction; /* unit */
+  fum_vec3 point, direction; /* the receiver; unit */
   float length;
 } way;
 
-static way way_to(const fum_emitter *emitter, fum_vec3 point) {
-  if (emitter->is_directional) return (way){emitter->direction, INFINITY};
+static way find_way(const fum_octree *octree, int64_t i, const fum_emitter *emitter) {
+  const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
+  if (emitter->is_directional) return (way){point, emitter->direction, INFINITY};
   const fum_vec3 line = fum_sub(emitter->position, point);
   const float length = fum_length(line);
-  return (way){length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
+  return (way){point, length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
 }
 
 /* Where a receiver's shadow rays start. A particle born on a surface stands in it half, and the camera sees the half on
  * its own side: the ray starts a little nearer to the camera, or rounding would decide. */
-static fum_vec3 ray_start(const fum_gathering *g, int64_t i) {
+static fum_vec3 ray_start(const fum_gathering *g, int64_t i, fum_vec3 point) {
   const float sigmas = 0.05F;
   const fum_octree *octree = g->receivers->octree;
-  const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
   if (g->viewpoint == NULL || octree->inverse_sigmas == NULL) return point;
   return fum_mad(fum_direction_to_viewer(g->viewpoint, point), sigmas / octree->inverse_sigmas[i], point);
 }
@@ -40,13 +40,13 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
-    const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
-    const way w = way_to(emitter, point);
+    const way w = find_way(octree, i, emitter);
     float strength = 1.0F / (float)lamp->sample_count;
     if (g->response != NULL) {
-      strength = fum_emitter_irradiance(lamp, emitter, point) * g->response(g->response_user, (uint32_t)i, w.direction);
+      strength =
+          fum_emitter_irradiance(lamp, emitter, w.point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
-    if (strength > 0.0F && fum_solids_occlude(g->solids, ray_start(g, i), w.direction, w.length)) {
+    if (strength > 0.0F && fum_solids_occlude(g->solids, ray_start(g, i, w.point), w.direction, w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }
     out_strengths[i] = strength;
@@ -94,14 +94,13 @@ static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_e
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
-    const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
-    const way w = way_to(emitter, point);
+    const way w = find_way(octree, i, emitter);
     /* Outside of its beam a light has no weight of its own, but interpolation needs an optical depth there. */
-    const float sent = fmaxf(fum_emitter_irradiance(lamp, emitter, point), 1e-20F);
+    const float sent = fmaxf(fum_emitter_irradiance(lamp, emitter, w.point), 1e-20F);
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
-    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, point, w.direction, w.length))
+    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, w.point, w.direction, w.length))
       s->unblocked[i] += arriving;
   }
 }

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Drawing in tiles, through fum_render: opacity against the closed form, the same picture from every instruction set.
- */
+/* Drawing in tiles: opacity against the closed form, the same picture from every instruction set. */
 #include "support.h"
 
+#include "api/lighting.h"
 #include "base/cpu.h"
+#include "billboard/tiles.h"
 
 enum { SIDE = 40 };
 
@@ -106,10 +107,94 @@ static void test_instruction_sets_and_threads(void **state) {
   puffs_free(&p);
 }
 
+/* The lattice and the splats are found once: the loops alone differ, by rounding. */
+static void draw_at_level(fum_context *context, fum_tile_job *job, fum_cpu_level level, float *out_rgba) {
+  memset(out_rgba, 0, 4 * SIDE * SIDE * sizeof *out_rgba);
+  job->rgba = out_rgba;
+  fum_cpu_limit(level);
+  assert_int_equal(fum_tiles_draw(context, job), FUM_OK);
+  fum_cpu_limit(FUM_CPU_AVX512);
+}
+
+static void check_loops(fum_scene *scene, const fum_camera *camera) {
+  static float plain[4 * SIDE * SIDE], other[4 * SIDE * SIDE];
+  const float footprint_sigmas = 3.5F;
+  fum_context *context = scene->context;
+  fum_settings settings;
+  fum_view view;
+  fum_lighting lighting;
+  fum_slabs slabs;
+  fum_lattice lattice;
+  fum_splats splats;
+  float anisotropies[16];
+  fum_settings_init(&settings);
+  assert_int_equal(fum_view_init(context, camera, &view), FUM_OK);
+  assert_int_equal(fum_caches_update(scene, &settings), FUM_OK);
+  fum_view_place(&view, scene->origin);
+  const fum_octree *all = scene->caches->all;
+  fum_tile_job job = {
+      .scene = scene, .octree = all, .view = &view, .slabs = &slabs, .splats = &splats, .lattice = &lattice};
+  assert_int_equal(fum_tiles_find_looks(scene, anisotropies, &job), FUM_OK);
+  assert_int_equal(fum_lighting_begin(scene, &settings, all, &lighting), FUM_OK);
+  job.lamps = lighting.lamps;
+  assert_int_equal(fum_slabs_find(context, all, &view, settings.tolerance, job.thinnest, &slabs), FUM_OK);
+  assert_int_equal(fum_lattice_light(all, &view, &slabs, footprint_sigmas, settings.tolerance, &lighting.gathering,
+                                     scene->light_count, lighting.lamps, &lattice),
+                   FUM_OK);
+  assert_int_equal(fum_splats_find(context, all, &view, footprint_sigmas, job.thinnest, &splats), FUM_OK);
+  draw_at_level(context, &job, FUM_CPU_PLAIN, plain);
+  float brightest = 0.0F;
+  for (int level = 1; level <= (int)FUM_CPU_AVX512; level++) {
+    draw_at_level(context, &job, (fum_cpu_level)level, other);
+    for (int i = 0; i < 4 * SIDE * SIDE; i++) {
+      brightest = fmaxf(brightest, plain[i]);
+      if (fabsf(other[i] - plain[i]) > 1e-5F * fabsf(plain[i]) + 1e-9F) {
+        fail_msg("level %d: %.9g is not %.9g", level, (double)other[i], (double)plain[i]);
+      }
+    }
+  }
+  assert_true(brightest > 0.01F);
+  fum_splats_free(context, &splats);
+  fum_lattice_free(context, &lattice);
+  fum_slabs_free(context, &slabs);
+  fum_lighting_end(context, &lighting);
+}
+
+/* With one look and with several and glow, near and far. */
+static void test_loops_agree(void **state) {
+  (void)state;
+  puffs small = puffs_random(1000, 3, 1.0F, 0.2F, 2.0F), large = puffs_random(20, 4, 1.0F, 1.0F, 2.0F);
+  const double eye[3] = {0.0, 0.0, 4.0}, inside[3] = {0.1, 0.2, 0.5}, light[3] = {3.0, 2.0, 1.0};
+  const fum_camera cameras[] = {make_camera(eye, 0.4, 0.1, FUM_CAMERA_PERSPECTIVE),
+                                make_camera(inside, 0.8, 0.01, FUM_CAMERA_PERSPECTIVE),
+                                make_camera(eye, 1.3, 0.1, FUM_CAMERA_ORTHOGRAPHIC)};
+  for (int k = 0; k < 3; k++) {
+    stage s = stage_open();
+    assert_int_equal(fum_context_set_threads(s.context, 1), FUM_OK);
+    add_puffs(s.scene, &small);
+    add_point_light(s.scene, light);
+    check_loops(s.scene, &cameras[k]);
+    fum_particles_desc desc;
+    fum_particles_desc_init(&desc);
+    desc.count = large.count;
+    desc.positions = large.positions;
+    desc.radii = large.radii;
+    desc.densities = large.densities;
+    desc.anisotropy = 0.4F;
+    desc.emission[1] = 0.1F;
+    assert_int_equal(fum_scene_add_particles(s.scene, &desc), FUM_OK);
+    check_loops(s.scene, &cameras[k]);
+    stage_close(&s);
+  }
+  puffs_free(&large);
+  puffs_free(&small);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_opacity_is_the_closed_form),
       cmocka_unit_test(test_instruction_sets_and_threads),
+      cmocka_unit_test(test_loops_agree),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
