@@ -96,36 +96,6 @@ static double spread_light(const outline *o, double half) {
   return fmax(0.0, sum);
 }
 
-static bool is_inside(const panel *p, float across, float along) {
-  const float *size = p->lamp->desc.area_size;
-  const float x = 2.0F * across / size[0], y = 2.0F * along / size[1];
-  return p->lamp->desc.area_shape == FUM_AREA_ELLIPSE ? x * x + y * y < 1.0F : fabsf(x) < 1.0F && fabsf(y) < 1.0F;
-}
-
-/* Where the light reaches farther than the cone in which it shines, all of that cone is gone through: rings around the
- * light's axis, `ahead` and aside of whose middle the point stands. */
-static float cone(const panel *p, float ahead) {
-  enum { RINGS = 12, STEPS = 48 };
-  const float half = 0.5F * p->lamp->desc.area_spread;
-  const float across = -fum_dot(p->center, p->lamp->right), along = -fum_dot(p->center, p->lamp->up);
-  const float turn = 2.0F * (float)FUM_PI / STEPS, ring_angle = half / RINGS;
-  const float cosine = cosf(turn), sine = sinf(turn);
-  float sum = 0.0F;
-  for (int ring = 0; ring < RINGS; ring++) {
-    const float angle = ring_angle * ((float)ring + 0.5F), radius = ahead * tanf(angle);
-    float x = radius, y = 0.0F;
-    int inside = 0;
-    for (int step = 0; step < STEPS; step++) {
-      const float next = cosine * x - sine * y;
-      y = sine * x + cosine * y;
-      x = next;
-      inside += is_inside(p, across + x, along + y);
-    }
-    sum += (float)inside * turn * ring_angle * sinf(angle) * fum_lamp_spread(p->lamp, cosf(angle));
-  }
-  return sum;
-}
-
 float fum_panel_irradiance(const fum_lamp *lamp, fum_vec3 point) {
   const float *size = lamp->desc.area_size;
   const fum_vec3 to_middle = fum_sub(lamp->position, point);
