@@ -8,7 +8,7 @@
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
  * will be fewer points. Among a million particles a point costs as much as a hundred of the render's: fewer are taken
  * there. */
-enum { POINTS = 1024, FEWEST_POINTS = 256, ATTEMPTS = 16 };
+enum { POINTS = 1024, FEWEST_POINTS = 1024, ATTEMPTS = 16, ROUND = 256 };
 
 static int64_t count_points(const fum_octree *octree) {
   const int64_t affordable = (INT64_C(1) << 28) / (octree->count + 1);
@@ -104,7 +104,7 @@ typedef struct search {
   struct candidate {
     bool is_seen;
     fum_meter_point point;
-  } candidates[POINTS];
+  } candidates[ROUND];
 } search;
 
 /* Lets a point pass as often as light passes from it to the camera. */
@@ -121,8 +121,7 @@ static bool passes(const search *s, const fum_meter_point *point, double chance)
 
 static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
   const fum_octree *octree = s->smoke.octree;
-  /* In steps that share no factor with the number of parts, so that any run of candidates lies everywhere. */
-  const int64_t i = choose(candidate * 397, POINTS, octree->count);
+  const int64_t i = choose(candidate, POINTS, octree->count);
   const uint64_t seed = fum_hash64((uint64_t)candidate);
   double offset[3];
   if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > s->footprint_sigmas) return false;
@@ -132,24 +131,41 @@ static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_
   for (int axis = 0; axis < 3; axis++) {
     out_point->position[axis] = center[axis] + offset[axis] * stretch / (double)octree->inverse_sigmas[i];
   }
+  out_point->receiver = (uint32_t)i;
   return put_on_pixel(s->view, s->solid_depths, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
 }
 
+/* Takes the candidates that are seen, in steps that share no factor with their number: those that are one too many lie
+ * anywhere. */
+static void take_seen(const search *s, int64_t wanted, fum_meter *meter) {
+  for (int64_t n = 0; n < ROUND && meter->count < wanted; n++) {
+    const struct candidate *candidate = &s->candidates[n * 97 % ROUND];
+    if (candidate->is_seen) meter->points[meter->count++] = candidate->point;
+  }
+}
+
+static int compare_places(const void *a, const void *b) {
+  const uint32_t x = ((const fum_meter_point *)a)->receiver, y = ((const fum_meter_point *)b)->receiver;
+  return (x > y) - (x < y);
+}
+
+/* Neighbours in the octree's order one after another: their rays read the same memory. */
 static int32_t find_points(fum_meter *meter, search *s) {
+  enum { INTERVAL = POINTS / ROUND };
   fum_context *context = meter->context;
-  const int64_t wanted = count_points(s->smoke.octree);
+  const int64_t wanted = count_points(s->smoke.octree), rounds = ATTEMPTS * wanted / ROUND;
   int32_t status = FUM_OK;
-  for (int64_t round = 0; round < ATTEMPTS && meter->count < wanted && status == FUM_OK; round++) {
+  for (int64_t round = 0; round < rounds && meter->count < wanted && status == FUM_OK; round++) {
+    const int64_t first = round / INTERVAL * POINTS + round % INTERVAL;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 8)
-    for (int64_t n = 0; n < wanted; n++) {
+    for (int64_t n = 0; n < ROUND; n++) {
       if (fum_progress_in_loop(context, n, 16)) continue;
-      s->candidates[n].is_seen = find_point(s, round * wanted + n, &s->candidates[n].point);
+      s->candidates[n].is_seen = find_point(s, first + n * INTERVAL, &s->candidates[n].point);
     }
-    for (int64_t n = 0; n < wanted && meter->count < wanted; n++) {
-      if (s->candidates[n].is_seen) meter->points[meter->count++] = s->candidates[n].point;
-    }
+    take_seen(s, wanted, meter);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
   }
+  qsort(meter->points, (size_t)meter->count, sizeof *meter->points, compare_places);
   return status;
 }
 
@@ -183,13 +199,14 @@ static int32_t find_exact(fum_meter *meter) {
 int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
                                double footprint_sigmas, const float *solid_depths, fum_meter *out_meter) {
   const fum_medium smoke = {.octree = options->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
-  const double start_s = fum_now_s(), rough = 1.0; /* these depths only choose: particles 4 sigmas away may be missed */
+  const double start_s = fum_now_s(), rough = 1.0;
   search *s = NULL;
   fum_meter meter;
   int32_t status = begin(context, options, POINTS, &meter);
   if (status == FUM_OK) status = fum_alloc(context, 1, sizeof *s, "meter", &s);
   if (status == FUM_OK) status = fum_truth_begin(context, &smoke, rough, &s->smoke);
   if (status != FUM_OK) goto done;
+  s->smoke.cutoff = 4.5; /* these depths only choose: particles 3 sigmas away may be missed */
   s->view = view;
   s->footprint_sigmas = footprint_sigmas;
   s->solid_depths = solid_depths;
