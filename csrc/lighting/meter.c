@@ -8,10 +8,10 @@
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
  * will be fewer points. Among a million particles a point costs as much as a hundred of the render's: fewer are taken
  * there. */
-enum { POINTS = 1024, FEWEST_POINTS = 1024, ATTEMPTS = 16, ROUND = 256 };
+enum { POINTS = 1024, FEWEST_POINTS = 512, ATTEMPTS = 16, ROUND = 256 };
 
 static int64_t count_points(const fum_octree *octree) {
-  const int64_t affordable = (INT64_C(1) << 28) / (octree->count + 1);
+  const int64_t affordable = (INT64_C(1) << 29) / (octree->count + 1);
   return affordable > POINTS ? POINTS : affordable < FEWEST_POINTS ? FEWEST_POINTS : affordable;
 }
 
@@ -28,9 +28,13 @@ static int64_t choose(int64_t n, int64_t part_count, int64_t count) {
 }
 
 static int32_t begin(fum_context *context, const fum_meter_options *options, int64_t count, fum_meter *meter) {
-  *meter = (fum_meter){.context = context, .lamp_count = options->lamp_count, .lamps = options->lamps};
+  *meter = (fum_meter){.context = context,
+                       .lamp_count = options->lamp_count,
+                       .lamps = options->lamps,
+                       .dark = fum_truth_dark(options->error)};
   const int64_t values = count * options->lamp_count;
-  int32_t status = fum_truth_begin(context, options->medium, options->error, &meter->truth);
+  const double cutoff = fum_truth_cutoff(options->medium, options->error);
+  int32_t status = fum_truth_begin(context, options->medium, cutoff, &meter->truth);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *meter->points, "meter", &meter->points);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->exact, "meter", &meter->exact);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->found, "meter", &meter->found);
@@ -97,7 +101,8 @@ static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_me
 
 /* How points are looked for. */
 typedef struct search {
-  fum_truth smoke; /* as the camera sees it */
+  const fum_octree *octree; /* of the smoke that the camera sees */
+  fum_truth smoke;
   const fum_view *view;
   double footprint_sigmas;
   const float *solid_depths;
@@ -106,6 +111,12 @@ typedef struct search {
     fum_meter_point point;
   } candidates[ROUND];
 } search;
+
+static int32_t begin_search(fum_context *context, search *s) {
+  const fum_medium smoke = {.octree = s->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
+  const double sigmas = 2.5; /* these depths only choose: particles farther away may be missed */
+  return fum_truth_begin(context, &smoke, 0.5 * sigmas * sigmas, &s->smoke);
+}
 
 /* Lets a point pass as often as light passes from it to the camera. */
 static bool passes(const search *s, const fum_meter_point *point, double chance) {
@@ -120,7 +131,7 @@ static bool passes(const search *s, const fum_meter_point *point, double chance)
 }
 
 static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
-  const fum_octree *octree = s->smoke.octree;
+  const fum_octree *octree = s->octree;
   const int64_t i = choose(candidate, POINTS, octree->count);
   const uint64_t seed = fum_hash64((uint64_t)candidate);
   double offset[3];
@@ -153,7 +164,7 @@ static int compare_places(const void *a, const void *b) {
 static int32_t find_points(fum_meter *meter, search *s) {
   enum { INTERVAL = POINTS / ROUND };
   fum_context *context = meter->context;
-  const int64_t wanted = count_points(s->smoke.octree), rounds = ATTEMPTS * wanted / ROUND;
+  const int64_t wanted = count_points(s->octree), rounds = ATTEMPTS * wanted / ROUND;
   int32_t status = FUM_OK;
   for (int64_t round = 0; round < rounds && meter->count < wanted && status == FUM_OK; round++) {
     const int64_t first = round / INTERVAL * POINTS + round % INTERVAL;
@@ -178,7 +189,7 @@ static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter
   const int64_t i = (lamp - meter->lamps) * meter->count + n;
   if (!(sent > 0.0)) return;
   meter->sent[i] += sent;
-  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->truth.dark));
+  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->dark));
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
 }
 
@@ -198,19 +209,18 @@ static int32_t find_exact(fum_meter *meter) {
 
 int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
                                double footprint_sigmas, const float *solid_depths, fum_meter *out_meter) {
-  const fum_medium smoke = {.octree = options->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
-  const double start_s = fum_now_s(), rough = 1.0;
+  const double start_s = fum_now_s();
   search *s = NULL;
   fum_meter meter;
   int32_t status = begin(context, options, POINTS, &meter);
   if (status == FUM_OK) status = fum_alloc(context, 1, sizeof *s, "meter", &s);
-  if (status == FUM_OK) status = fum_truth_begin(context, &smoke, rough, &s->smoke);
   if (status != FUM_OK) goto done;
-  s->smoke.cutoff = 4.5; /* these depths only choose: particles 3 sigmas away may be missed */
+  s->octree = options->octree;
   s->view = view;
   s->footprint_sigmas = footprint_sigmas;
   s->solid_depths = solid_depths;
-  if (smoke.octree->count > 0) status = find_points(&meter, s);
+  status = begin_search(context, s);
+  if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
   if (status == FUM_OK) status = find_exact(&meter);
   if (status != FUM_OK) goto done;
   meter.seconds = fum_now_s() - start_s;

@@ -42,24 +42,31 @@ static void find_nodes(fum_context *context, const fum_octree *octree, fum_truth
   }
 }
 
-int32_t fum_truth_begin(fum_context *context, const fum_medium *medium, double error, fum_truth *out_truth) {
-  const fum_octree *octree = medium->octree;
-  fum_truth truth = {.octree = octree,
+/* A particle of optical depth D that is c sigmas or more away adds at most D exp(-c^2 / 2). If every particle were left
+ * out there, all of them together would add half of the error. */
+double fum_truth_cutoff(const fum_medium *medium, double error) {
+  double total = 0.0;
+  for (int64_t i = 0; i < medium->octree->count; i++)
+    total += (double)medium->octree->optical_depths[i];
+  return log(fmax(1.0, 2.0 * total * (double)medium->depth_scale / error));
+}
+
+/* No more than half of the error is left from there on. */
+double fum_truth_dark(double error) {
+  return -log(0.5 * error);
+}
+
+int32_t fum_truth_begin(fum_context *context, const fum_medium *medium, double cutoff, fum_truth *out_truth) {
+  fum_truth truth = {.octree = medium->octree,
                      .sigma_scale = (double)medium->sigma_scale,
                      .depth_scale = (double)medium->depth_scale,
-                     .dark = -log(0.5 * error)};
-  double total = 0.0;
-  const int32_t status = allocate(context, octree->node_count, &truth.nodes);
+                     .cutoff = cutoff};
+  const int32_t status = allocate(context, truth.octree->node_count, &truth.nodes);
   if (status != FUM_OK) {
     fum_truth_end(context, &truth);
     return status;
   }
-  find_nodes(context, octree, &truth.nodes);
-  for (int64_t i = 0; i < octree->count; i++)
-    total += (double)octree->optical_depths[i];
-  /* A particle of optical depth D that is c sigmas or more away adds at most D exp(-c^2 / 2). If every particle were
-   * left out there, all of them together would add half of the error. */
-  truth.cutoff = log(fmax(1.0, 2.0 * total * truth.depth_scale / error));
+  find_nodes(context, truth.octree, &truth.nodes);
   *out_truth = truth;
   return FUM_OK;
 }

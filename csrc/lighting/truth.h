@@ -16,13 +16,16 @@ typedef struct fum_truth {
   const fum_octree *octree; /* borrowed */
   double sigma_scale, depth_scale;
   fum_truth_nodes nodes;
-  double cutoff; /* a particle farther away than sqrt(2 cutoff) sigmas is left out... */
-  double dark;   /* optical depth from which on no more than half of the error is left */
+  double cutoff; /* a particle farther away than sqrt(2 cutoff) sigmas is left out */
 } fum_truth;
 
-/* All that is left out of a segment adds up to less than `error` of its transmittance, whatever the particles. Of the
- * medium only what it consists of is used, none of its limits. */
-int32_t fum_truth_begin(fum_context *context, const fum_medium *medium, double error, fum_truth *out_truth);
+/* The cutoff at which all that is left out of a segment adds up to less than `error` of its transmittance, whatever the
+ * particles, if it ends at an optical depth of fum_truth_dark. */
+double fum_truth_cutoff(const fum_medium *medium, double error);
+double fum_truth_dark(double error);
+
+/* Of the medium only what it consists of is used, none of its limits. */
+int32_t fum_truth_begin(fum_context *context, const fum_medium *medium, double cutoff, fum_truth *out_truth);
 void fum_truth_end(fum_context *context, fum_truth *truth);
 
 /* Gives up as soon as it exceeds `limit`, and returns something larger then. */
