@@ -6,12 +6,12 @@
 #include <stdlib.h>
 
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
- * will be fewer points. Among a million particles a point costs as much as a hundred of the render's: fewer are taken
- * there. */
+ * will be fewer points. Among a million particles a point costs as much as dozens of the render's: fewer are taken
+ * there. Candidates are looked at in rounds that lie everywhere. */
 enum { POINTS = 1024, FEWEST_POINTS = 512, ATTEMPTS = 16, ROUND = 256 };
 
 static int64_t count_points(const fum_octree *octree) {
-  const int64_t affordable = (INT64_C(1) << 29) / (octree->count + 1);
+  const int64_t affordable = 640000000 / (octree->count + 1);
   return affordable > POINTS ? POINTS : affordable < FEWEST_POINTS ? FEWEST_POINTS : affordable;
 }
 

@@ -100,30 +100,6 @@ static inline found find_near(const fum_truth *truth, const fum_truth_segment *s
   return f;
 }
 
-/* Asks for the memory that a node's turn on the stack will read. */
-static inline void expect(const fum_truth *truth, const fum_octree_node *node) {
-  const fum_octree *octree = truth->octree;
-  const fum_truth_nodes *n = &truth->nodes;
-  enum { LINE = 64 / sizeof(float) };
-  if (node->children != 0) {
-    for (int axis = 0; axis < 3; axis++) {
-      __builtin_prefetch(n->middle[axis] + node->children);
-      __builtin_prefetch(n->half[axis] + node->children);
-    }
-    __builtin_prefetch(n->sigmas + node->children);
-    __builtin_prefetch(octree->nodes + node->children);
-    return;
-  }
-  for (uint32_t i = 0; i < node->count && i < 4 * LINE; i += LINE) {
-    const uint32_t p = node->begin + i;
-    __builtin_prefetch(octree->x + p);
-    __builtin_prefetch(octree->y + p);
-    __builtin_prefetch(octree->z + p);
-    __builtin_prefetch(octree->inverse_sigmas + p);
-    __builtin_prefetch(octree->optical_depths + p);
-  }
-}
-
 /* As many as a path from the root can leave waiting: 21 levels of codes, and the root. */
 enum { STACK_SIZE = 8 * 22 };
 
@@ -147,7 +123,6 @@ static inline void push_near(const fum_truth *truth, const fum_truth_segment *s,
     const uint32_t child = (uint32_t)__builtin_popcount(node->octants & ((1U << octant) - 1U));
     if ((node->octants >> octant & 1U) == 0 || (f.near >> child & 1U) == 0) continue;
     waiting->entries[waiting->count++] = (struct waiting){node->children + child, (f.cut >> child & 1U) != 0};
-    expect(truth, &truth->octree->nodes[node->children + child]);
   }
 }
 
