@@ -6,12 +6,12 @@
 #include <stdlib.h>
 
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
- * will be fewer points. Among a million particles a point costs as much as a hundred of the render's: fewer are taken
- * there. */
-enum { POINTS = 1024, FEWEST_POINTS = 256, ATTEMPTS = 16 };
+ * will be fewer points. Among a million particles a point costs as much as dozens of the render's: fewer are taken
+ * there. Candidates are looked at in rounds that lie everywhere. */
+enum { POINTS = 1024, FEWEST_POINTS = 512, ATTEMPTS = 16, ROUND = 256 };
 
 static int64_t count_points(const fum_octree *octree) {
-  const int64_t affordable = (INT64_C(1) << 28) / (octree->count + 1);
+  const int64_t affordable = 640000000 / (octree->count + 1);
   return affordable > POINTS ? POINTS : affordable < FEWEST_POINTS ? FEWEST_POINTS : affordable;
 }
 
@@ -28,9 +28,13 @@ static int64_t choose(int64_t n, int64_t part_count, int64_t count) {
 }
 
 static int32_t begin(fum_context *context, const fum_meter_options *options, int64_t count, fum_meter *meter) {
-  *meter = (fum_meter){.context = context, .lamp_count = options->lamp_count, .lamps = options->lamps};
+  *meter = (fum_meter){.context = context,
+                       .lamp_count = options->lamp_count,
+                       .lamps = options->lamps,
+                       .dark = fum_truth_dark(options->error)};
   const int64_t values = count * options->lamp_count;
-  int32_t status = fum_truth_begin(context, options->medium, options->error, &meter->truth);
+  const double cutoff = fum_truth_cutoff(options->medium, options->error);
+  int32_t status = fum_truth_begin(context, options->medium, cutoff, &meter->truth);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *meter->points, "meter", &meter->points);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->exact, "meter", &meter->exact);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->found, "meter", &meter->found);
@@ -97,15 +101,22 @@ static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_me
 
 /* How points are looked for. */
 typedef struct search {
-  fum_truth smoke; /* as the camera sees it */
+  const fum_octree *octree; /* of the smoke that the camera sees */
+  fum_truth smoke;
   const fum_view *view;
   double footprint_sigmas;
   const float *solid_depths;
   struct candidate {
     bool is_seen;
     fum_meter_point point;
-  } candidates[POINTS];
+  } candidates[ROUND];
 } search;
+
+static int32_t begin_search(fum_context *context, search *s) {
+  const fum_medium smoke = {.octree = s->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
+  const double sigmas = 2.5; /* these depths only choose: particles farther away may be missed */
+  return fum_truth_begin(context, &smoke, 0.5 * sigmas * sigmas, &s->smoke);
+}
 
 /* Lets a point pass as often as light passes from it to the camera. */
 static bool passes(const search *s, const fum_meter_point *point, double chance) {
@@ -120,9 +131,8 @@ static bool passes(const search *s, const fum_meter_point *point, double chance)
 }
 
 static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
-  const fum_octree *octree = s->smoke.octree;
-  /* In steps that share no factor with the number of parts, so that any run of candidates lies everywhere. */
-  const int64_t i = choose(candidate * 397, POINTS, octree->count);
+  const fum_octree *octree = s->octree;
+  const int64_t i = choose(candidate, POINTS, octree->count);
   const uint64_t seed = fum_hash64((uint64_t)candidate);
   double offset[3];
   if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > s->footprint_sigmas) return false;
@@ -132,24 +142,41 @@ static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_
   for (int axis = 0; axis < 3; axis++) {
     out_point->position[axis] = center[axis] + offset[axis] * stretch / (double)octree->inverse_sigmas[i];
   }
+  out_point->receiver = (uint32_t)i;
   return put_on_pixel(s->view, s->solid_depths, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
 }
 
+/* Takes the candidates that are seen, in steps that share no factor with their number: those that are one too many lie
+ * anywhere. */
+static void take_seen(const search *s, int64_t wanted, fum_meter *meter) {
+  for (int64_t n = 0; n < ROUND && meter->count < wanted; n++) {
+    const struct candidate *candidate = &s->candidates[n * 97 % ROUND];
+    if (candidate->is_seen) meter->points[meter->count++] = candidate->point;
+  }
+}
+
+static int compare_places(const void *a, const void *b) {
+  const uint32_t x = ((const fum_meter_point *)a)->receiver, y = ((const fum_meter_point *)b)->receiver;
+  return (x > y) - (x < y);
+}
+
+/* Neighbours in the octree's order one after another: their rays read the same memory. */
 static int32_t find_points(fum_meter *meter, search *s) {
+  enum { INTERVAL = POINTS / ROUND };
   fum_context *context = meter->context;
-  const int64_t wanted = count_points(s->smoke.octree);
+  const int64_t wanted = count_points(s->octree), rounds = ATTEMPTS * wanted / ROUND;
   int32_t status = FUM_OK;
-  for (int64_t round = 0; round < ATTEMPTS && meter->count < wanted && status == FUM_OK; round++) {
+  for (int64_t round = 0; round < rounds && meter->count < wanted && status == FUM_OK; round++) {
+    const int64_t first = round / INTERVAL * POINTS + round % INTERVAL;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 8)
-    for (int64_t n = 0; n < wanted; n++) {
+    for (int64_t n = 0; n < ROUND; n++) {
       if (fum_progress_in_loop(context, n, 16)) continue;
-      s->candidates[n].is_seen = find_point(s, round * wanted + n, &s->candidates[n].point);
+      s->candidates[n].is_seen = find_point(s, first + n * INTERVAL, &s->candidates[n].point);
     }
-    for (int64_t n = 0; n < wanted && meter->count < wanted; n++) {
-      if (s->candidates[n].is_seen) meter->points[meter->count++] = s->candidates[n].point;
-    }
+    take_seen(s, wanted, meter);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
   }
+  qsort(meter->points, (size_t)meter->count, sizeof *meter->points, compare_places);
   return status;
 }
 
@@ -162,7 +189,7 @@ static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter
   const int64_t i = (lamp - meter->lamps) * meter->count + n;
   if (!(sent > 0.0)) return;
   meter->sent[i] += sent;
-  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->truth.dark));
+  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->dark));
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
 }
 
@@ -182,18 +209,18 @@ static int32_t find_exact(fum_meter *meter) {
 
 int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
                                double footprint_sigmas, const float *solid_depths, fum_meter *out_meter) {
-  const fum_medium smoke = {.octree = options->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
-  const double start_s = fum_now_s(), rough = 1.0; /* these depths only choose: particles 4 sigmas away may be missed */
+  const double start_s = fum_now_s();
   search *s = NULL;
   fum_meter meter;
   int32_t status = begin(context, options, POINTS, &meter);
   if (status == FUM_OK) status = fum_alloc(context, 1, sizeof *s, "meter", &s);
-  if (status == FUM_OK) status = fum_truth_begin(context, &smoke, rough, &s->smoke);
   if (status != FUM_OK) goto done;
+  s->octree = options->octree;
   s->view = view;
   s->footprint_sigmas = footprint_sigmas;
   s->solid_depths = solid_depths;
-  if (smoke.octree->count > 0) status = find_points(&meter, s);
+  status = begin_search(context, s);
+  if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
   if (status == FUM_OK) status = find_exact(&meter);
   if (status != FUM_OK) goto done;
   meter.seconds = fum_now_s() - start_s;

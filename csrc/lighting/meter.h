@@ -26,6 +26,7 @@ typedef struct fum_meter {
   int32_t lamp_count;
   const fum_lamp *lamps; /* borrowed */
   fum_truth truth;
+  double dark; /* optical depth at which the truth may give up */
   int64_t count;
   fum_meter_point *points; /* [count] */
   double *exact, *found;   /* [lamp_count][count] what arrives past smoke... */
