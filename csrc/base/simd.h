@@ -7,6 +7,10 @@
 #include <stdint.h>
 #include <string.h>
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #ifndef FUM_LANES
 #define FUM_LANES 4
 #endif
@@ -38,6 +42,34 @@ static inline float fum_vf_sum(fum_vf v) {
 
 static inline fum_vf fum_vf_select(fum_vi mask, fum_vf yes, fum_vf no) {
   return (fum_vf)((mask & (fum_vi)yes) | (~mask & (fum_vi)no));
+}
+
+/* Bit i is set where entry i is true. */
+static inline uint32_t fum_vi_bits(fum_vi mask) {
+#if defined(__AVX512DQ__) && FUM_LANES == 16
+  return (uint32_t)_mm512_movepi32_mask((__m512i)mask);
+#elif defined(__AVX2__) && FUM_LANES == 8
+  return (uint32_t)_mm256_movemask_ps((__m256)mask);
+#elif defined(__x86_64__) && FUM_LANES == 4
+  return (uint32_t)_mm_movemask_ps((__m128)mask);
+#else
+  uint32_t bits = 0;
+  for (int lane = 0; lane < FUM_LANES; lane++)
+    bits |= (uint32_t)(mask[lane] & 1) << lane;
+  return bits;
+#endif
+}
+
+static inline fum_vf fum_vf_at_least(fum_vf v, float least) {
+#if defined(__AVX512F__) && FUM_LANES == 16
+  return (fum_vf)_mm512_max_ps((__m512)v, _mm512_set1_ps(least));
+#elif defined(__AVX2__) && FUM_LANES == 8
+  return (fum_vf)_mm256_max_ps((__m256)v, _mm256_set1_ps(least));
+#elif defined(__x86_64__) && FUM_LANES == 4
+  return (fum_vf)_mm_max_ps((__m128)v, _mm_set1_ps(least));
+#else
+  return fum_vf_select(v > least, v, fum_vf_set(least));
+#endif
 }
 
 static inline fum_vf fum_vf_abs(fum_vf v) {
@@ -118,6 +150,22 @@ static inline double fum_vd_sum(fum_vd v) {
 
 static inline fum_vd fum_vd_select(fum_vl mask, fum_vd yes, fum_vd no) {
   return (fum_vd)((mask & (fum_vl)yes) | (~mask & (fum_vl)no));
+}
+
+/* Bit i is set where entry i is true. */
+static inline uint32_t fum_vl_bits(fum_vl mask) {
+#if defined(__AVX512DQ__) && FUM_LANES == 16
+  return (uint32_t)_mm512_movepi64_mask((__m512i)mask);
+#elif defined(__AVX2__) && FUM_LANES == 8
+  return (uint32_t)_mm256_movemask_pd((__m256d)mask);
+#elif defined(__x86_64__) && FUM_LANES == 4
+  return (uint32_t)_mm_movemask_pd((__m128d)mask);
+#else
+  uint32_t bits = 0;
+  for (int lane = 0; lane < FUM_DOUBLE_LANES; lane++)
+    bits |= (uint32_t)(mask[lane] & 1) << lane;
+  return bits;
+#endif
 }
 
 static inline fum_vd fum_vd_abs(fum_vd v) {

@@ -4,44 +4,12 @@
 #include "base/simd.h"
 #include "lighting/runs.h"
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
-
 static const float SIGMAS_PER_SCALE = 1.17741002F; /* sqrt(2 ln 2): scales to 1 / sigma */
-
-/* Bit i is set where entry i is true. */
-static inline uint64_t bits_of(fum_vi mask) {
-#if defined(__AVX512DQ__) && FUM_LANES == 16
-  return _mm512_movepi32_mask((__m512i)mask);
-#elif defined(__AVX2__) && FUM_LANES == 8
-  return (uint64_t)_mm256_movemask_ps((__m256)mask);
-#elif defined(__x86_64__) && FUM_LANES == 4
-  return (uint64_t)_mm_movemask_ps((__m128)mask);
-#else
-  uint64_t bits = 0;
-  for (int lane = 0; lane < FUM_LANES; lane++)
-    bits |= (uint64_t)(mask[lane] & 1) << lane;
-  return bits;
-#endif
-}
-
-static inline fum_vf at_least(fum_vf v, float least) {
-#if defined(__AVX512DQ__) && FUM_LANES == 16
-  return (fum_vf)_mm512_max_ps((__m512)v, _mm512_set1_ps(least));
-#elif defined(__AVX2__) && FUM_LANES == 8
-  return (fum_vf)_mm256_max_ps((__m256)v, _mm256_set1_ps(least));
-#elif defined(__x86_64__) && FUM_LANES == 4
-  return (fum_vf)_mm_max_ps((__m128)v, _mm_set1_ps(least));
-#else
-  return fum_vf_select(v > least, v, fum_vf_set(least));
-#endif
-}
 
 /* 2^x for x <= 0 within 4e-6 relative, at least 1e-38 (Chebyshev fit): enough for sums that are known to 1e-5. */
 static inline fum_vf exp2_of(fum_vf x) {
   const float magic = 12582912.0F; /* 1.5 * 2^23 */
-  const fum_vf limited = at_least(x, -126.0F), rounded = limited + magic;
+  const fum_vf limited = fum_vf_at_least(x, -126.0F), rounded = limited + magic;
   const fum_vf f = limited - (rounded - magic);
   fum_vf p = 9.66636852e-3F * f + 5.59219758e-2F;
   p = p * f + 2.40223490e-1F;
@@ -78,9 +46,9 @@ static uint64_t hear(const fum_beam *beam, const fum_spheres *spheres, uint32_t 
     const fum_vf px = dx - s * beam->axis.x, py = dy - s * beam->axis.y, pz = dz - s * beam->axis.z;
     const fum_vf reach = fum_vf_load(spheres->hearing + at);
     const fum_vf slack = fabsf(beam->slope) * (reach + beam->radius);
-    const fum_vf hearing = reach + at_least(beam->radius + beam->slope * s + slack, 0.0F);
+    const fum_vf hearing = reach + fum_vf_at_least(beam->radius + beam->slope * s + slack, 0.0F);
     const fum_vi near = (px * px + py * py + pz * pz <= hearing * hearing * 1.00001F);
-    heard |= bits_of(near & (s > beam->first - reach) & (s < last + reach)) << i;
+    heard |= (uint64_t)fum_vi_bits(near & (s > beam->first - reach) & (s < last + reach)) << i;
   }
   return heard & lowest(count);
 }
@@ -125,11 +93,11 @@ static inline heard see(seen *s, const fum_batch *batch, const fum_segment *segm
     fum_vf_store(s->above + i, above);
     const fum_vf hearing = fum_vf_load(batch->hearing + i), clear = fum_vf_load(batch->clear + i);
     const fum_vf to_end = length - along;
-    const fum_vf before = at_least(-along, 0.0F), behind = at_least(-to_end, 0.0F);
+    const fum_vf before = fum_vf_at_least(-along, 0.0F), behind = fum_vf_at_least(-to_end, 0.0F);
     const fum_vf squared = across * across + above * above + before * before + behind * behind;
-    h.runs |= bits_of(squared <= hearing * hearing) << i;
-    h.near_start |= bits_of(along < clear) << i;
-    h.near_end |= bits_of(to_end < clear) << i;
+    h.runs |= (uint64_t)fum_vi_bits(squared <= hearing * hearing) << i;
+    h.near_start |= (uint64_t)fum_vi_bits(along < clear) << i;
+    h.near_end |= (uint64_t)fum_vi_bits(to_end < clear) << i;
   }
   h.runs &= lowest(batch->count);
   return h;

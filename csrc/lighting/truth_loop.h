@@ -4,26 +4,6 @@
 #include "base/simd.h"
 #include "lighting/truth_walk.h"
 
-#if defined(__x86_64__)
-#include <immintrin.h>
-#endif
-
-/* Bit i is set where entry i is true. */
-static inline uint32_t bits_of(fum_vl mask) {
-#if defined(__AVX512DQ__) && FUM_LANES == 16
-  return (uint32_t)_mm512_movepi64_mask((__m512i)mask);
-#elif defined(__AVX2__) && FUM_LANES == 8
-  return (uint32_t)_mm256_movemask_pd((__m256d)mask);
-#elif defined(__x86_64__) && FUM_LANES == 4
-  return (uint32_t)_mm_movemask_pd((__m128d)mask);
-#else
-  uint32_t bits = 0;
-  for (int lane = 0; lane < FUM_DOUBLE_LANES; lane++)
-    bits |= (uint32_t)(mask[lane] & 1) << lane;
-  return bits;
-#endif
-}
-
 /* The lanes of the first `count` entries. */
 static inline fum_vl lanes_below(uint32_t count) {
   fum_vl lanes;
@@ -35,7 +15,7 @@ static inline fum_vl lanes_below(uint32_t count) {
 /* Phi(last) - Phi(first). The tail beyond `last` is left out where all lanes have it above `reach`. */
 static inline fum_vd share_between(fum_vd first, fum_vd last, double reach) {
   const fum_vd before = fum_vd_normal_tail(fum_vd_abs(first));
-  const fum_vd after = bits_of(last < reach) != 0 ? fum_vd_normal_tail(fum_vd_abs(last)) : fum_vd_set(0.0);
+  const fum_vd after = fum_vl_bits(last < reach) != 0 ? fum_vd_normal_tail(fum_vd_abs(last)) : fum_vd_set(0.0);
   const fum_vd across = 1.0 - before - after;
   return fum_vd_select(first > 0.0, before - after, fum_vd_select(last < 0.0, after - before, across));
 }
@@ -59,7 +39,7 @@ static inline double sum_leaf(const fum_truth *truth, const fum_truth_segment *s
     if (is_cut) {
       const fum_vd first = -along * inverse, last = (s->length - along) * inverse;
       const fum_vl is_near = (first > -reach) | (last < reach);
-      if (bits_of(is_near & (squared <= truth->cutoff)) != 0) depth *= share_between(first, last, reach);
+      if (fum_vl_bits(is_near & (squared <= truth->cutoff)) != 0) depth *= share_between(first, last, reach);
     }
     sum += fum_vd_select(lanes_below(leaf->count - i), depth, fum_vd_set(0.0));
   }
@@ -94,8 +74,8 @@ static inline found find_near(const fum_truth *truth, const fum_truth_segment *s
     const fum_vd gap = squared - across;
     fum_vl near = (gap <= 0.0) | (gap * gap <= reach * reach * squared);
     near &= (along + extent + reach >= 0.0) & (along - extent - reach <= s->length) & lanes_below(count - i);
-    f.near |= bits_of(near) << i;
-    f.cut |= bits_of(near & ((along - extent < reach) | (along + extent + reach > s->length))) << i;
+    f.near |= fum_vl_bits(near) << i;
+    f.cut |= fum_vl_bits(near & ((along - extent < reach) | (along + extent + reach > s->length))) << i;
   }
   return f;
 }
