@@ -184,6 +184,12 @@ def balls(count: int, depth: float) -> float:
     return error(ball(count, depth), SIDE_LIGHT)
 
 
+@case("20,000 particles that overlap, n sigma^3 = 5: samples of light for each", 1.0)
+def overlapping() -> float:
+    view = camera(half=0.26, width=96, height=96)
+    return core.render(build(ball(20_000, 5, overlap=5), SIDE_LIGHT), view).stats.light_points / 20_000
+
+
 @case("sparse particles, far apart and dense")
 def sparse() -> float:
     return error(ball(40, 3, overlap=0.01), SIDE_LIGHT, camera(width=64, height=64))
