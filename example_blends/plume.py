@@ -2,7 +2,8 @@
 """Makes plume.blend beside itself: blender -b --factory-startup --python example_blends/plume.py
 
 docs/pictures/plume.png is its frame 18, from the top of the checkout:
-./run render example_blends/plume.blend -o "$PWD/out/plume_####" -f 18 && cp out/plume_0018.png docs/pictures/plume.png
+./run render example_blends/plume.blend -o "$PWD/out/plume_####" --python-expr \\
+  "import bpy; bpy.context.scene.render.use_stamp_filename = False" -f 18 && cp out/plume_0018.png docs/pictures/plume.png
 
 The smoke is made of points by geometry nodes. Where a point is depends on nothing but the frame, so any frame is right
 in any order and the file needs no simulation cache.
