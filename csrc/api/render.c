@@ -341,7 +341,7 @@ static int32_t make_depth(render *r) {
   const fum_octree *all = r->scene->caches->all;
   float *reaches = NULL;
   /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
-  int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, 1.0F, 1.0F, &reaches);
+  int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, &reaches);
   if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid_depths, r->depth);
   fum_free(r->context, &reaches);
   r->stats.passes_s = fum_now_s() - start_s;

@@ -11,6 +11,14 @@ fum_cpu_level fum_cpu(void);
 /* Lowers the level for the whole process; for tests. */
 void fum_cpu_limit(fum_cpu_level level);
 
+/* Of three versions of something, compiled for each level, the one to call. */
+#if defined(__x86_64__)
+#define FUM_CPU_CHOOSE(plain, avx2, avx512)                                                                            \
+  (fum_cpu() == FUM_CPU_AVX512 ? (avx512) : fum_cpu() == FUM_CPU_AVX2 ? (avx2) : (plain))
+#else
+#define FUM_CPU_CHOOSE(plain, avx2, avx512) (plain)
+#endif
+
 const char *fum_cpu_name(fum_cpu_level level);
 
 #endif

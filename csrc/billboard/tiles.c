@@ -14,18 +14,7 @@ void fum_tile_avx2(const fum_tile_job *job, int64_t index, fum_tile_scratch *scr
 void fum_tile_avx512(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch);
 
 fum_tile_fn fum_tile_get(void) {
-#if defined(__x86_64__)
-  switch (fum_cpu()) {
-  case FUM_CPU_AVX512:
-    return fum_tile_avx512;
-  case FUM_CPU_AVX2:
-    return fum_tile_avx2;
-  default:
-    return fum_tile_plain;
-  }
-#else
-  return fum_tile_plain;
-#endif
+  return FUM_CPU_CHOOSE(fum_tile_plain, fum_tile_avx2, fum_tile_avx512);
 }
 
 int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_CLASSES], fum_tile_job *job) {

@@ -147,12 +147,7 @@ static int32_t lay_runs(fum_context *context, float error, const uint8_t *is_cut
     if (fum_progress_in_loop(context, i, 1 << 10) || !is_cut[i]) continue;
     medium->reaches[i] = lay_node(&l, node, medium->first_runs[i], order + node->begin, medium);
   }
-  for (int64_t i = octree->node_count - 1; i >= 0; i--) {
-    const fum_octree_node *node = &octree->nodes[i];
-    const int children = __builtin_popcount(node->octants);
-    for (int c = 0; c < children; c++)
-      medium->reaches[i] = fmaxf(medium->reaches[i], medium->reaches[node->children + (uint32_t)c]);
-  }
+  fum_reach_raise(octree, medium->reaches);
   return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }
 

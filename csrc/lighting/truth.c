@@ -94,18 +94,7 @@ static fum_truth_segment segment_to(const fum_emitter *emitter, const double fro
 }
 
 static fum_truth_walk find_walk(void) {
-#if defined(__x86_64__)
-  switch (fum_cpu()) {
-  case FUM_CPU_AVX512:
-    return fum_truth_walk_avx512;
-  case FUM_CPU_AVX2:
-    return fum_truth_walk_avx2;
-  default:
-    return fum_truth_walk_plain;
-  }
-#else
-  return fum_truth_walk_plain;
-#endif
+  return FUM_CPU_CHOOSE(fum_truth_walk_plain, fum_truth_walk_avx2, fum_truth_walk_avx512);
 }
 
 double fum_truth_depth(const fum_truth *truth, const double from[3], const fum_emitter *emitter, double limit) {

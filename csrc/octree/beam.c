@@ -10,35 +10,35 @@ float fum_cutoff_sigmas(float optical_depth, float transmittance_error) {
   return sqrtf(2.0F * logf(fmaxf(ratio, 1.0F)));
 }
 
-static float leaf_reach(const fum_octree *octree, const fum_octree_node *node, float transmittance_error,
-                        float depth_scale) {
+static float leaf_reach(const fum_octree *octree, const fum_octree_node *node, float transmittance_error) {
   float smallest_inverse = INFINITY, optical_depth = 0.0F;
   for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
     smallest_inverse = fminf(smallest_inverse, octree->inverse_sigmas[i]);
     optical_depth += octree->optical_depths[i];
   }
   if (!(optical_depth > 0.0F)) return 0.0F;
-  return fum_cutoff_sigmas(optical_depth * depth_scale, transmittance_error) / smallest_inverse;
+  return fum_cutoff_sigmas(optical_depth, transmittance_error) / smallest_inverse;
 }
 
-int32_t fum_reach_find(fum_context *context, const fum_octree *octree, float transmittance_error, float sigma_scale,
-                       float depth_scale, float **out_reaches) {
-  float *reaches = NULL;
-  const int32_t status = fum_alloc(context, octree->node_count, sizeof *reaches, "octree's reach", &reaches);
-  if (status != FUM_OK) return status;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t i = 0; i < octree->node_count; i++) {
-    const fum_octree_node *node = &octree->nodes[i];
-    if (node->children == 0) {
-      reaches[i] = sigma_scale * leaf_reach(octree, node, transmittance_error, depth_scale * sigma_scale);
-    }
-  }
+void fum_reach_raise(const fum_octree *octree, float *reaches) {
   for (int64_t i = octree->node_count - 1; i >= 0; i--) {
     const fum_octree_node *node = &octree->nodes[i];
     const int children = __builtin_popcount(node->octants);
     for (int c = 0; c < children; c++)
       reaches[i] = fmaxf(reaches[i], reaches[node->children + (uint32_t)c]);
   }
+}
+
+int32_t fum_reach_find(fum_context *context, const fum_octree *octree, float transmittance_error, float **out_reaches) {
+  float *reaches = NULL;
+  const int32_t status = fum_alloc(context, octree->node_count, sizeof *reaches, "octree's reach", &reaches);
+  if (status != FUM_OK) return status;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    const fum_octree_node *node = &octree->nodes[i];
+    if (node->children == 0) reaches[i] = leaf_reach(octree, node, transmittance_error);
+  }
+  fum_reach_raise(octree, reaches);
   *out_reaches = reaches;
   return FUM_OK;
 }

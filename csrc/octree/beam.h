@@ -10,10 +10,11 @@
 /* Distance in sigmas beyond which a leaf whose particles add up to `optical_depth` is not heard. */
 float fum_cutoff_sigmas(float optical_depth, float transmittance_error);
 
-/* Distance in metres over which each node's particles are heard, [node_count]: each node's own, never one for all.
- * `sigma_scale` and `depth_scale` multiply the particles' sigma and density. */
-int32_t fum_reach_find(fum_context *context, const fum_octree *octree, float transmittance_error, float sigma_scale,
-                       float depth_scale, float **out_reaches);
+/* Distance in metres over which each node's particles are heard, [node_count]: each node's own, never one for all. */
+int32_t fum_reach_find(fum_context *context, const fum_octree *octree, float transmittance_error, float **out_reaches);
+
+/* Every node's reach becomes the largest of its own and all below it. */
+void fum_reach_raise(const fum_octree *octree, float *reaches);
 
 /* A tapered cylinder: at distance s from `start` along `axis`, all segments of the beam run within radius + slope s of
  * the axis, for s from `first` to `last`. */

@@ -120,7 +120,7 @@ static void test_reach_is_each_nodes_own(void **state) {
   add_puffs(s.scene, &p);
   fum_octree *octree = build(&s, 8);
   float *reaches = NULL;
-  assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, 1.0F, 1.0F, &reaches), FUM_OK);
+  assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, &reaches), FUM_OK);
   int64_t wide = 0;
   for (int64_t n = 0; n < octree->node_count; n++)
     wide += reaches[n] > 1.0F;
@@ -152,7 +152,7 @@ static void test_walk_hands_out_all_that_is_heard(void **state) {
   add_puffs(s.scene, &p);
   fum_octree *octree = build(&s, 8);
   float *reaches = NULL;
-  assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, 1.0F, 1.0F, &reaches), FUM_OK);
+  assert_int_equal(fum_reach_find(s.context, octree, 1e-3F, &reaches), FUM_OK);
   int64_t heard = 0;
   for (uint64_t trial = 0; trial < 200; trial++) {
     fum_vec3 axis = {uniform(trial * 9, -1.0F, 1.0F), uniform(trial * 9 + 1, -1.0F, 1.0F),
