@@ -37,7 +37,8 @@ def last_stats() -> core.Stats | None:
 
 def accuracy_text(stats: core.Stats) -> str:
     """The measured errors of the light in a few words; T is the transmittance to a light."""
-    return f"T within {stats.accuracy_rms:.1g} rms, {stats.accuracy_worst:.1g} worst"
+    rms, p95, worst, bias = stats.accuracy_rms, stats.accuracy_p95, stats.accuracy_worst, stats.accuracy_bias
+    return f"T within {rms:.1g} rms, 95 % within {p95:.1g}, {worst:.1g} worst, bias {bias:+.1g}"
 
 
 @bpy.app.handlers.persistent
