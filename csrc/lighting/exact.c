@@ -43,7 +43,7 @@ static void append(walk *w, uint32_t run) {
 static bool visit(void *user, const fum_octree_node *node, float reach) {
   (void)reach;
   walk *w = user;
-  const uint32_t first = w->medium->first_runs[node - w->medium->octree->nodes];
+  const uint32_t first = w->medium->first_runs[node - fum_medium_casters(w->medium)->nodes];
   const uint32_t end = first + (node->count + FUM_RUN_SIZE - 1) / FUM_RUN_SIZE;
   for (uint32_t run = first; run < end; run += FUM_BATCH_SIZE) {
     const int32_t count = end - run < FUM_BATCH_SIZE ? (int32_t)(end - run) : FUM_BATCH_SIZE;
@@ -113,7 +113,7 @@ static void solve_group(walk *w, const fum_receivers *receivers, int64_t group, 
   if (w->count == 0) return;
   find_beam(w, emitter);
   w->batch.count = 0;
-  fum_beam_walk(w->medium->octree, w->medium->reaches, FUM_PACKET_SIZE, &w->beam, visit, w);
+  fum_beam_walk(fum_medium_casters(w->medium), w->medium->reaches, FUM_PACKET_SIZE, &w->beam, visit, w);
   flush(w);
   int32_t n = 0;
   for (uint32_t i = begin; i < end; i++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/medium.h"
 
-#include "lighting/neighbours.h"
+#include "octree/neighbours.h"
 
 static int64_t runs_of(const fum_octree_node *node) {
   return (node->count + FUM_RUN_SIZE - 1) / FUM_RUN_SIZE;
@@ -84,7 +84,7 @@ static const float SCALE_SIGMAS = 0.84932180F; /* sqrt(log2(e) / 2) */
 
 static void fill_run(const fum_medium *medium, const uint32_t *particles, uint32_t count, fum_vec3 middle,
                      fum_run *run) {
-  const fum_octree *octree = medium->octree;
+  const fum_octree *octree = fum_medium_casters(medium);
   for (uint32_t i = 0; i < FUM_RUN_SIZE; i++) {
     const uint32_t p = particles[i < count ? i : 0];
     run->x[i] = octree->x[p] - middle.x;
@@ -127,11 +127,11 @@ static float lay_node(const limits *l, const fum_octree_node *node, int64_t firs
   float reach = 0.0F;
   for (uint32_t p = 0; p < node->count; p++)
     particles[p] = node->begin + p;
-  fum_neighbours_sort(medium->octree, FUM_RUN_SIZE, node->count, particles);
+  fum_neighbours_sort(fum_medium_casters(medium), FUM_RUN_SIZE, node->count, particles);
   for (uint32_t begin = 0; begin < node->count; begin += FUM_RUN_SIZE) {
     const int64_t number = first + begin / FUM_RUN_SIZE;
     const uint32_t count = node->count - begin < FUM_RUN_SIZE ? node->count - begin : FUM_RUN_SIZE;
-    const fum_vec3 middle = middle_of(medium->octree, particles + begin, count);
+    const fum_vec3 middle = middle_of(fum_medium_casters(medium), particles + begin, count);
     fill_run(medium, particles + begin, count, middle, &medium->runs[number]);
     reach = fmaxf(reach, bound_run(l, &medium->runs[number], middle, number, &medium->spheres));
   }
@@ -139,7 +139,7 @@ static float lay_node(const limits *l, const fum_octree_node *node, int64_t firs
 }
 
 static int32_t lay_runs(fum_context *context, float error, const uint8_t *is_cut, uint32_t *order, fum_medium *medium) {
-  const fum_octree *octree = medium->octree;
+  const fum_octree *octree = fum_medium_casters(medium);
   const limits l = {error, clear_of(error)};
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->node_count; i++) {
@@ -167,15 +167,17 @@ static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *me
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium) {
   const char *what = "runs of particles";
   const int64_t node_count = medium->octree->node_count;
+  const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
   uint8_t *is_cut = NULL, *is_below = NULL;
   uint32_t *order = NULL;
-  int32_t status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
+  int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
+  if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_below, what, &is_below);
-  if (status == FUM_OK) status = fum_alloc(context, medium->octree->count, sizeof *order, what, &order);
+  if (status == FUM_OK) status = fum_alloc(context, fum_medium_casters(medium)->count, sizeof *order, what, &order);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->first_runs, what, &medium->first_runs);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->reaches, what, &medium->reaches);
   if (status != FUM_OK) goto done;
-  const int64_t count = number_runs(medium->octree, is_cut, is_below, medium->first_runs);
+  const int64_t count = number_runs(fum_medium_casters(medium), is_cut, is_below, medium->first_runs);
   status = allocate_runs(context, count, medium);
   if (status == FUM_OK) status = lay_runs(context, transmittance_error, is_cut, order, medium);
 done:
@@ -187,6 +189,8 @@ done:
 }
 
 void fum_medium_end(fum_context *context, fum_medium *medium) {
+  fum_octree_destroy(context, medium->merged);
+  medium->merged = NULL;
   fum_free(context, &medium->runs);
   fum_free(context, &medium->spheres.x);
   fum_free(context, &medium->spheres.y);

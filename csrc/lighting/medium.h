@@ -4,23 +4,30 @@
 #define FUM_LIGHTING_MEDIUM_H
 
 #include "lighting/runs.h"
+#include "octree/merge.h"
 
 /* Nodes of at most this many particles, and leaves, are cut into runs of neighbours. */
 enum { FUM_PACKET_SIZE = 256 };
 
 typedef struct fum_medium {
-  const fum_octree *octree;
-  float sigma_scale; /* intersection test size */
-  float depth_scale; /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
-  float depth_limit; /* optical depth above which a receiver counts as dark: the walk ends early */
+  const fum_octree *octree; /* of the particles */
+  fum_octree *merged;       /* of fewer, which do as well; NULL: there are none */
+  float sigma_scale;        /* intersection test size */
+  float depth_scale;        /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
+  float depth_limit;        /* optical depth above which a receiver counts as dark: the walk ends early */
   fum_run *runs;
   fum_spheres spheres;
   uint32_t *first_runs; /* [node_count] of nodes that were cut */
   float *reaches;       /* [node_count] m, as of fum_reach_find, for runs instead of leaves */
 } fum_medium;
 
+/* What is walked through. */
+static inline const fum_octree *fum_medium_casters(const fum_medium *medium) {
+  return medium->merged != NULL ? medium->merged : medium->octree;
+}
+
 /* Lays out the runs of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost by
- * not hearing far particles. */
+ * not hearing far particles, and half as much again by merging close ones. */
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium);
 void fum_medium_end(fum_context *context, fum_medium *medium);
 

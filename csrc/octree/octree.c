@@ -12,19 +12,28 @@
 
 enum { MORTON_BITS = 21, CHECK_STRIDE = 1 << 17 };
 
-static int32_t allocate(fum_context *context, int64_t count, bool has_density, fum_octree *octree) {
+int32_t fum_octree_create(fum_context *context, const double origin[3], int64_t count, bool has_density,
+                          fum_octree **out_octree) {
   const char *what = "density octree";
-  octree->count = count;
   const int64_t padded = count + FUM_OCTREE_PAD;
+  fum_octree *octree = calloc(1, sizeof *octree);
+  if (octree == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for an octree");
+  memcpy(octree->origin, origin, sizeof octree->origin);
+  octree->count = count;
   int32_t status = fum_alloc(context, count, sizeof *octree->indices, what, &octree->indices);
   if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->x, what, &octree->x);
   if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->y, what, &octree->y);
   if (status == FUM_OK) status = fum_alloc(context, padded, sizeof *octree->z, what, &octree->z);
-  if (status != FUM_OK || !has_density) return status;
-  status = fum_alloc(context, padded, sizeof *octree->inverse_sigmas, what, &octree->inverse_sigmas);
-  if (status == FUM_OK)
+  if (status == FUM_OK && has_density)
+    status = fum_alloc(context, padded, sizeof *octree->inverse_sigmas, what, &octree->inverse_sigmas);
+  if (status == FUM_OK && has_density)
     status = fum_alloc(context, padded, sizeof *octree->optical_depths, what, &octree->optical_depths);
-  return status;
+  if (status != FUM_OK) {
+    fum_octree_destroy(context, octree);
+    return status;
+  }
+  *out_octree = octree;
+  return FUM_OK;
 }
 
 void fum_octree_destroy(fum_context *context, fum_octree *octree) {
@@ -277,11 +286,8 @@ int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *optio
   const int64_t count = count_chosen(scene, options->subsampling);
   float *positions = NULL;
   uint32_t *indices = NULL;
-  int32_t status = FUM_ERROR_MEMORY;
-  fum_octree *octree = calloc(1, sizeof *octree);
-  if (octree == NULL) return fum_fail(context, status, "no memory for the density octree");
-  memcpy(octree->origin, scene->origin, sizeof octree->origin);
-  status = allocate(context, count, true, octree);
+  fum_octree *octree = NULL;
+  int32_t status = fum_octree_create(context, scene->origin, count, true, &octree);
   if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *positions, "density octree", &positions);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *indices, "density octree", &indices);
   if (status != FUM_OK) goto done;
@@ -306,11 +312,8 @@ done:
 int32_t fum_octree_build_points(fum_context *context, const double origin[3], int64_t count, const float *positions,
                                 int32_t leaf_size, fum_octree **out_octree) {
   const unsorted points = {.count = count, .positions = positions};
-  int32_t status = FUM_ERROR_MEMORY;
-  fum_octree *octree = calloc(1, sizeof *octree);
-  if (octree == NULL) return fum_fail(context, status, "no memory for an octree of points");
-  memcpy(octree->origin, origin, sizeof octree->origin);
-  status = allocate(context, count, false, octree);
+  fum_octree *octree = NULL;
+  int32_t status = fum_octree_create(context, origin, count, false, &octree);
   if (status != FUM_OK) goto done;
   status = build(context, &points, leaf_size, octree);
   if (status != FUM_OK) goto done;

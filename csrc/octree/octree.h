@@ -20,7 +20,8 @@ enum { FUM_OCTREE_PAD = 16 };
 typedef struct fum_octree {
   double origin[3];                       /* world position of local zero */
   int64_t count;                          /* particles */
-  uint32_t *indices;                      /* [count] index that the particle was built with, in Morton order */
+  uint32_t *indices;                      /* [count] index that the particle was built with, in Morton order; 0 where
+                                             several were merged */
   float *x, *y, *z;                       /* [count] local space */
   float *inverse_sigmas, *optical_depths; /* [count] of one particle, through its centre; NULL in an octree of points */
   int64_t node_count;
@@ -39,6 +40,9 @@ int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *optio
 int32_t fum_octree_build_points(fum_context *context, const double origin[3], int64_t count, const float *positions,
                                 int32_t leaf_size, fum_octree **out_octree);
 
+/* Room for particles (`has_density`) or points; no nodes yet. */
+int32_t fum_octree_create(fum_context *context, const double origin[3], int64_t count, bool has_density,
+                          fum_octree **out_octree);
 void fum_octree_destroy(fum_context *context, fum_octree *octree);
 
 #endif

@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-static const double PI = 3.14159265358979323846, OVERLAP = 0.5, HALF_BOX = 1.4;
+static const double PI = 3.14159265358979323846, HALF_BOX = 1.4;
 
 /* Radius of the lumpy ball in the direction of p. */
 static double surface(const double p[3]) {
@@ -40,7 +40,7 @@ void cloud_fill_ball(cloud *c, double ratio) {
   }
   const double tries_made = (double)(tries > 0 ? tries : 1);
   const double volume = pow(2.0 * HALF_BOX, 3.0) * (double)c->count / tries_made;
-  const double largest = cubes > 0.0 ? cbrt(OVERLAP * volume / cubes) : 1.0;
+  const double largest = cubes > 0.0 ? cbrt(c->overlap * volume / cubes) : 1.0;
   /* Of one particle, so that the mean extinction over 2 m is c->depth: a Gaussian of the optical depth t through its
    * centre holds t 2 pi sigma^2 of extinction times volume. */
   const double depth = squares > 0.0 ? c->depth * volume / (4.0 * PI * squares * largest * largest) : 0.0;

@@ -43,7 +43,8 @@ int main(int argc, char **argv) {
   if (status != 0) return status == 1 ? 0 : status;
   char error[256] = "";
   cloud c = {0};
-  status = o.file != NULL ? cloud_read_ply(o.file, &c, error) : cloud_make(o.scene, o.particles, o.depth, &c, error);
+  status = o.file != NULL ? cloud_read_ply(o.file, &c, error)
+                          : cloud_make(o.scene, o.particles, o.depth, o.overlap, &c, error);
   if (status != 0) {
     fprintf(stderr, "fumarole-bench: %s\n", error);
     return 1;

@@ -6,14 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The scenes: their own number of particles and optical depth. */
+/* The scenes: their own number of particles, optical depth and overlap. */
 static const struct scene {
   const char *name;
   int64_t count;
-  double depth;
+  double depth, overlap;
 } SCENES[] = {
-    {"plume", 250000, 8.0}, {"ball", 2000, 5.0}, {"puff", 1, 3.0},
-    {"six", 6, 3.0},        {"mixed", 300, 5.0}, {"edge", 2000, 5.0},
+    {"plume", 250000, 8.0, 0.7}, {"ball", 2000, 5.0, 0.5}, {"puff", 1, 3.0, 0.0},
+    {"six", 6, 3.0, 0.0},        {"mixed", 300, 5.0, 0.5}, {"edge", 2000, 5.0, 0.5},
 };
 
 int cloud_allocate(int64_t count, cloud *out_cloud) {
@@ -59,7 +59,7 @@ static const struct scene *find_scene(const char *name) {
   return NULL;
 }
 
-int cloud_make(const char *name, int64_t count, double depth, cloud *out_cloud, char out_error[256]) {
+int cloud_make(const char *name, int64_t count, double depth, double overlap, cloud *out_cloud, char out_error[256]) {
   const struct scene *scene = find_scene(name);
   if (scene == NULL) {
     snprintf(out_error, 256, "there is no scene %s", name);
@@ -75,6 +75,7 @@ int cloud_make(const char *name, int64_t count, double depth, cloud *out_cloud, 
     return 1;
   }
   out_cloud->depth = depth > 0.0 ? depth : scene->depth;
+  out_cloud->overlap = overlap > 0.0 ? overlap : scene->overlap;
   out_cloud->has_wall = strcmp(name, "edge") == 0;
   if (strcmp(name, "plume") == 0) {
     cloud_fill_plume(out_cloud);

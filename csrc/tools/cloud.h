@@ -13,12 +13,13 @@ typedef struct cloud {
   float *albedos;           /* [3 count] or NULL */
   double middle[3], radius; /* what the camera frames */
   double depth;             /* optical depth that it was made for; 0: unknown */
+  double overlap;           /* n sigma^3 that it was made for; 0: unknown */
   int has_wall;             /* a wall stands between every light and half of the cloud */
 } cloud;
 
-/* A cloud by name, the same for the same numbers: plume, ball, puff, six, mixed or edge. `count` -1 and `depth` 0 are
- * the scene's own. On failure returns nonzero and a sentence in `out_error`. */
-int cloud_make(const char *name, int64_t count, double depth, cloud *out_cloud, char out_error[256]);
+/* A cloud by name, the same for the same numbers: plume, ball, puff, six, mixed or edge. `count` -1, `depth` 0 and
+ * `overlap` 0 are the scene's own. On failure returns nonzero and a sentence in `out_error`. */
+int cloud_make(const char *name, int64_t count, double depth, double overlap, cloud *out_cloud, char out_error[256]);
 
 /* Binary little-endian PLY: x y z and optionally radius, density, red green blue. On failure returns nonzero and a
  * sentence in `out_error`. */
@@ -31,11 +32,11 @@ void cloud_free(cloud *c);
 /* Frames the box around all particles. */
 void cloud_frame(cloud *c);
 
-/* A turbulent plume 3 m high: sigma = cbrt(0.7 / n) at the mean number density n. Fills c->count particles. */
+/* A turbulent plume 3 m high: sigma = cbrt(c->overlap / n) at the mean number density n. Fills c->count particles. */
 void cloud_fill_plume(cloud *c);
 
-/* Random particles in a lumpy ball of about 1 m: n times the mean of sigma^3 is 0.5. Fills c->count particles, whose
- * radii are drawn from 1 to `ratio` evenly by their logarithm; particles have the same optical depth. */
+/* Random particles in a lumpy ball of about 1 m: n times the mean of sigma^3 is c->overlap. Fills c->count particles,
+ * whose radii are drawn from 1 to `ratio` evenly by their logarithm; particles have the same optical depth. */
 void cloud_fill_ball(cloud *c, double ratio);
 
 /* Overlapping puffs of the optical depth c->depth each. Fills c->count, at most 6, particles. */

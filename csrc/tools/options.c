@@ -12,6 +12,7 @@ static const char USAGE[] =
     "(300, radii 1 to 30),\n"
     "                   edge (2000, half of them behind a wall). Default plume, of image ball\n"
     "  --particles N\n"
+    "  --overlap X      n sigma^3 of plume (0.7), ball, mixed and edge (0.5): widens the particles at the same depth\n"
     "  --file F.ply     particles of a binary little-endian PLY instead: x y z [radius density red green blue]\n"
     "  --lights K       point lights around it (default 1)\n"
     "  --threads T      default: all cores\n"
@@ -68,6 +69,7 @@ static bool parse_number(options *o, const char *name, const char *value) {
       {"--particles", .big = &o->particles},
       {"--sample", .big = &o->sample},
       {"--depth", .real = &o->depth},
+      {"--overlap", .real = &o->overlap},
       {"--lights", .whole = &o->lights},
       {"--threads", .whole = &o->threads},
       {"--width", .whole = &o->width},
@@ -133,8 +135,8 @@ static void set_sizes(options *o) {
 
 static bool is_in_range(const options *o) {
   return o->particles >= -1 && o->lights >= 0 && o->lights <= 1024 && o->sample >= 0 && o->depth >= 0.0 &&
-         o->every >= 1 && o->every <= 1024 && o->repeat >= 1 && o->repeat <= OPTIONS_MAX_REPEAT && o->width >= 1 &&
-         o->height >= 1 && o->width <= 65536 && o->height <= 65536;
+         o->overlap >= 0.0 && o->every >= 1 && o->every <= 1024 && o->repeat >= 1 && o->repeat <= OPTIONS_MAX_REPEAT &&
+         o->width >= 1 && o->height >= 1 && o->width <= 65536 && o->height <= 65536;
 }
 
 int options_parse(int argc, char **argv, options *o) {

@@ -12,7 +12,8 @@ typedef struct options {
   const char *light; /* image: name of the one arrangement of lights; NULL: all */
   int64_t particles; /* -1: the scene's own */
   int64_t sample;
-  double depth; /* optical depth; 0: the scene's own */
+  double depth;   /* optical depth; 0: the scene's own */
+  double overlap; /* n sigma^3; 0: the scene's own */
   int32_t lights, threads, width, height;
   int32_t every;       /* image: compare every such pixel of every such row */
   int32_t repeat;      /* image: renders of each row, of which the one of the median processor time counts */

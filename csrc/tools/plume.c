@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-static const double HEIGHT = 3.0, RADIUS_LOW = 0.15, RADIUS_HIGH = 0.9, OVERLAP = 0.7;
+static const double HEIGHT = 3.0, RADIUS_LOW = 0.15, RADIUS_HIGH = 0.9;
 
 static double radius_at(double z) {
   return RADIUS_LOW + (RADIUS_HIGH - RADIUS_LOW) * z / HEIGHT;
@@ -33,9 +33,9 @@ static void billow(double p[3]) {
 void cloud_fill_plume(cloud *c) {
   const double pi = 3.14159265358979323846, count = (double)(c->count > 0 ? c->count : 1);
   const double volume = pi * HEIGHT / 3.0 * (pow(RADIUS_HIGH, 3.0) - pow(RADIUS_LOW, 3.0)) / (RADIUS_HIGH - RADIUS_LOW);
-  const double sigma = cbrt(OVERLAP * volume / count);
+  const double sigma = cbrt(c->overlap * volume / count);
   /* Mean extinction of overlapping Gaussians: n k (2 pi)^(3/2) sigma^3. */
-  const double density = c->depth / (2.0 * radius_at(0.5 * HEIGHT)) / (OVERLAP * pow(2.0 * pi, 1.5));
+  const double density = c->depth / (2.0 * radius_at(0.5 * HEIGHT)) / (c->overlap * pow(2.0 * pi, 1.5));
   for (int64_t i = 0; i < c->count; i++) {
     const uint64_t seed = (uint64_t)i * 3;
     const double z = height_of(fum_hash_unit(seed)), angle = 2.0 * pi * fum_hash_unit(seed + 1);

@@ -3,7 +3,7 @@
 
 #include "base/cpu.h"
 #include "lighting/medium.h"
-#include "lighting/neighbours.h"
+#include "octree/neighbours.h"
 
 /* The levels that this machine runs, each selected in turn. */
 static int select_level(int index) {
@@ -39,7 +39,7 @@ static void smoke_close(smoke *s) {
 }
 
 static int64_t runs_below(const smoke *s, uint32_t index) {
-  const fum_octree_node *node = &s->octree->nodes[index];
+  const fum_octree_node *node = &fum_medium_casters(&s->medium)->nodes[index];
   int64_t count = 0;
   if (node->count <= FUM_PACKET_SIZE || node->children == 0) return (node->count + FUM_RUN_SIZE - 1) / FUM_RUN_SIZE;
   for (uint32_t c = 0; c < (uint32_t)__builtin_popcount(node->octants); c++)

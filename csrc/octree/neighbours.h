@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Runs of neighbours: halves of halves of a node's particles along the longest side. Cut in Morton order instead, a run
  * would often reach over a corner and be twice as long. */
-#ifndef FUM_LIGHTING_NEIGHBOURS_H
-#define FUM_LIGHTING_NEIGHBOURS_H
+#ifndef FUM_OCTREE_NEIGHBOURS_H
+#define FUM_OCTREE_NEIGHBOURS_H
 
 #include "octree/octree.h"
 

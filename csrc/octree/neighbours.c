@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "lighting/neighbours.h"
+#include "octree/neighbours.h"
 
 #include <math.h>
 

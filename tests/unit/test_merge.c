@@ -1,0 +1,192 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "support.h"
+
+#include "octree/merge.h"
+
+typedef struct smoke {
+  stage stage;
+  fum_octree *octree, *merged;
+} smoke;
+
+static smoke smoke_open(const puffs *p, int32_t leaf_size, float error) {
+  smoke s = {.stage = stage_open()};
+  const fum_octree_options options = {leaf_size, 1.0F};
+  const fum_merge_options merging = {1.0F, 1.0F, error};
+  add_puffs(s.stage.scene, p);
+  fum_scene_find_origin(s.stage.scene);
+  assert_int_equal(fum_octree_build(s.stage.scene, &options, &s.octree), FUM_OK);
+  assert_int_equal(fum_octree_merge(s.stage.context, s.octree, &merging, &s.merged), FUM_OK);
+  return s;
+}
+
+static void smoke_close(smoke *s) {
+  fum_octree_destroy(s->stage.context, s->merged);
+  fum_octree_destroy(s->stage.context, s->octree);
+  stage_close(&s->stage);
+}
+
+/* Optical depth of an octree's particles along a line, without ends, in double precision. */
+static double line_depth(const fum_octree *octree, const double from[3], const double direction[3]) {
+  double depth = 0.0;
+  for (int64_t i = 0; i < octree->count; i++) {
+    const double d[3] = {(double)octree->x[i] - from[0], (double)octree->y[i] - from[1],
+                         (double)octree->z[i] - from[2]};
+    const double along = d[0] * direction[0] + d[1] * direction[1] + d[2] * direction[2];
+    const double squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2] - along * along;
+    const double inverse = (double)octree->inverse_sigmas[i];
+    depth += (double)octree->optical_depths[i] * exp(-0.5 * fmax(squared, 0.0) * inverse * inverse);
+  }
+  return depth;
+}
+
+static void random_line(uint64_t seed, double half_size, double from[3], double direction[3]) {
+  double squared = 0.0;
+  for (uint64_t axis = 0; axis < 3; axis++) {
+    from[axis] = half_size * (2.0 * fum_hash_unit(6 * seed + axis) - 1.0);
+    direction[axis] = 2.0 * fum_hash_unit(6 * seed + 3 + axis) - 1.0;
+    squared += direction[axis] * direction[axis];
+  }
+  for (int axis = 0; axis < 3; axis++)
+    direction[axis] /= sqrt(squared);
+}
+
+static double mass_of(const fum_octree *octree) {
+  double mass = 0.0;
+  for (int64_t i = 0; i < octree->count; i++)
+    mass += (double)octree->optical_depths[i] / pow((double)octree->inverse_sigmas[i], 2.0);
+  return mass;
+}
+
+/* Every node's particles are its children's, in its box. */
+static void check_nodes(const fum_octree *octree) {
+  assert_int_equal(octree->nodes[0].begin, 0);
+  assert_int_equal(octree->nodes[0].count, octree->count);
+  for (int64_t n = 0; n < octree->node_count; n++) {
+    const fum_octree_node *node = &octree->nodes[n];
+    uint32_t begin = node->begin;
+    for (uint32_t c = 0; c < (uint32_t)__builtin_popcount(node->octants); c++) {
+      assert_int_equal(octree->nodes[node->children + c].begin, begin);
+      begin += octree->nodes[node->children + c].count;
+    }
+    if (node->children != 0) assert_int_equal(begin, node->begin + node->count);
+    for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
+      const float at[3] = {octree->x[i], octree->y[i], octree->z[i]};
+      for (int axis = 0; axis < 3; axis++) {
+        const float slack = 1e-6F;
+        assert_true(at[axis] >= node->lower[axis] - slack && at[axis] <= node->upper[axis] + slack);
+      }
+    }
+  }
+}
+
+/* Ten thousand at one place are one, whatever the error. */
+static void test_coincident_particles_become_one(void **state) {
+  (void)state;
+  puffs p = puffs_random(10000, 1, 0.0F, 1.0F, 1.0F);
+  for (int64_t i = 0; i < p.count; i++) {
+    p.radii[i] = 0.5F;
+    p.densities[i] = 0.01F;
+  }
+  smoke s = smoke_open(&p, 64, 1e-9F);
+  assert_non_null(s.merged);
+  assert_int_equal(s.merged->count, 1);
+  assert_true(fabs((double)s.merged->optical_depths[0] / (100.0 * 0.25 * 2.50662827) - 1.0) < 1e-6);
+  check_nodes(s.merged);
+  smoke_close(&s);
+  puffs_free(&p);
+}
+
+static void test_scattered_particles_stay(void **state) {
+  (void)state;
+  puffs p = puffs_random(5000, 2, 1.0F, 0.1F, 1.0F); /* n sigma^3 = 0.08 */
+  smoke s = smoke_open(&p, 64, 1e-3F);
+  assert_null(s.merged);
+  smoke_close(&s);
+  puffs_free(&p);
+}
+
+/* Smoke in which thousands overlap: a tenth is left where all have one radius. What many bunches on a line are wrong by
+ * cancels more than it adds up. */
+static void test_overlapping_particles_merge(void **state) {
+  (void)state;
+  const float error = 2.5e-4F;
+  for (int mixed = 0; mixed < 2; mixed++) {
+    puffs p = puffs_random(20000, 3, 1.0F, 1.0F, 0.001F);
+    for (int64_t i = 0; i < p.count && !mixed; i++)
+      p.radii[i] = 1.0F;
+    smoke s = smoke_open(&p, 64, error);
+    assert_non_null(s.merged);
+    if (!mixed) assert_true(s.merged->count < s.octree->count / 10);
+    assert_true(fabs(mass_of(s.merged) / mass_of(s.octree) - 1.0) < 1e-6);
+    check_nodes(s.merged);
+    for (uint64_t trial = 0; trial < 200; trial++) {
+      double from[3], direction[3];
+      random_line(trial, 1.5, from, direction);
+      const double exact = line_depth(s.octree, from, direction), found = line_depth(s.merged, from, direction);
+      assert_true(fabs(exp(-exact) - exp(-found)) < 4.0 * (double)error);
+    }
+    smoke_close(&s);
+    puffs_free(&p);
+  }
+}
+
+/* A bunch by itself keeps the bound on every line, be it made of a few like or unlike particles, thin or dense ones. */
+static void test_a_bunch_keeps_its_error(void **state) {
+  (void)state;
+  int merged = 0;
+  for (uint64_t trial = 0; trial < 1000; trial++) {
+    const float error = 1e-3F, spread = expf(uniform(7 * trial, -7.0F, 0.0F));
+    puffs p = puffs_random(2 + (int64_t)(trial % 7) * (int64_t)(trial % 7), trial, spread, 1.0F,
+                           expf(uniform(7 * trial + 1, -7.0F, 3.0F)));
+    for (int64_t i = 0; i < p.count; i++) {
+      if (trial % 3 == 0) p.radii[i] = 1.0F;
+      if (trial % 3 == 1 && i % 2 == 0) p.radii[i] *= 0.1F;
+      if (trial % 5 == 0 && i % 3 == 0) p.densities[i] *= 1e3F;
+    }
+    smoke s = smoke_open(&p, 64, error);
+    if (s.merged != NULL && s.merged->count == 1) {
+      merged++;
+      for (uint64_t n = 0; n < 200; n++) {
+        double from[3], direction[3];
+        random_line(1000 * trial + n, n % 2 == 0 ? 1.0 : 0.1, from, direction);
+        const double difference = line_depth(s.octree, from, direction) - line_depth(s.merged, from, direction);
+        if (fabs(difference) > 1.01 * (double)error + 1e-6 * line_depth(s.octree, from, direction))
+          fail_msg("trial %d: %g", (int)trial, difference);
+      }
+    }
+    smoke_close(&s);
+    puffs_free(&p);
+  }
+  assert_true(merged > 50);
+}
+
+/* A wider look at the particles needs fewer of them, a denser one more. */
+static void test_scales_count(void **state) {
+  (void)state;
+  puffs p = puffs_random(20000, 4, 1.0F, 0.5F, 0.001F);
+  for (int64_t i = 0; i < p.count; i++)
+    p.radii[i] = 0.5F;
+  smoke s = smoke_open(&p, 64, 1e-3F);
+  const fum_merge_options wide = {2.0F, 2.0F, 1e-3F}, dense = {1.0F, 5.0F, 1e-3F};
+  fum_octree *wider = NULL, *denser = NULL;
+  assert_int_equal(fum_octree_merge(s.stage.context, s.octree, &wide, &wider), FUM_OK);
+  assert_int_equal(fum_octree_merge(s.stage.context, s.octree, &dense, &denser), FUM_OK);
+  assert_true(s.merged != NULL && wider != NULL && denser != NULL);
+  assert_true(wider->count < s.merged->count && s.merged->count < denser->count);
+  assert_true(fabs(mass_of(wider) / mass_of(s.octree) - 1.0) < 1e-6);
+  fum_octree_destroy(s.stage.context, wider);
+  fum_octree_destroy(s.stage.context, denser);
+  smoke_close(&s);
+  puffs_free(&p);
+}
+
+int main(void) {
+  const struct CMUnitTest tests[] = {
+      cmocka_unit_test(test_coincident_particles_become_one),
+      cmocka_unit_test(test_scattered_particles_stay),
+      cmocka_unit_test(test_overlapping_particles_merge),
+      cmocka_unit_test(test_a_bunch_keeps_its_error),
+      cmocka_unit_test(test_scales_count),
+  };
+  return cmocka_run_group_tests(tests, NULL, NULL);
+}
