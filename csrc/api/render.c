@@ -257,7 +257,8 @@ static int32_t light_smoke(render *r, const fum_lighting *lighting, float footpr
   int32_t status = light_smoke_once(r, lighting, footprint, thinnest, tolerance, light);
   if (status != FUM_OK || light->slabs.count == 0) return status;
   const fum_meter_options options = meter_options(r, lighting);
-  status = fum_meter_begin_points(r->context, &options, &r->view, (double)footprint, r->solid_depths, meter);
+  const fum_meter_sight sight = {&r->view, (double)footprint, r->solid_depths, &light->slabs, &light->lattice.hidden};
+  status = fum_meter_begin_points(r->context, &options, &sight, meter);
   if (status == FUM_OK) status = measure_smoke(r, meter, light, &share);
   while (status == FUM_OK && share > 1.0 && r->stats.refinement_count < REFINEMENTS) {
     smoke_light finer;

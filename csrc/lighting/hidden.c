@@ -1,25 +1,24 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/hidden.h"
 
-#include "lighting/medium.h"
+#include "lighting/exact.h"
 
 static int32_t coarse(int32_t samples) {
   return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
 }
 
-static int64_t lay_values(const fum_lattice *lattice, int64_t *firsts) {
+static int64_t lay_values(const fum_hidden *hidden) {
   int64_t count = 0;
-  for (int32_t f = 0; f < lattice->face_count; f += FUM_HIDDEN_STEP) {
-    firsts[f] = count;
-    count += (int64_t)coarse(lattice->faces[f].columns) * coarse(lattice->faces[f].rows);
+  for (int32_t f = 0; f < hidden->face_count; f += FUM_HIDDEN_STEP) {
+    hidden->firsts[f] = count;
+    count += (int64_t)coarse(hidden->faces[f].columns) * coarse(hidden->faces[f].rows);
   }
   return count;
 }
 
-static void place_points(const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice,
-                         const int64_t *firsts, float *positions) {
-  for (int32_t f = 0; f < lattice->face_count; f += FUM_HIDDEN_STEP) {
-    const fum_lattice_face *grid = &lattice->faces[f];
+static void place_points(const fum_view *view, const fum_slabs *slabs, const fum_hidden *hidden, float *positions) {
+  for (int32_t f = 0; f < hidden->face_count; f += FUM_HIDDEN_STEP) {
+    const fum_lattice_face *grid = &hidden->faces[f];
     const int32_t columns = coarse(grid->columns), rows = coarse(grid->rows);
     for (int32_t r = 0; r < rows; r++) {
       for (int32_t c = 0; c < columns; c++) {
@@ -27,7 +26,7 @@ static void place_points(const fum_view *view, const fum_slabs *slabs, const fum
         fum_view_point(view, (double)(grid->origin[0] + grid->spacing[0] * (float)(c * FUM_HIDDEN_STEP)),
                        (double)(grid->origin[1] + grid->spacing[1] * (float)(r * FUM_HIDDEN_STEP)),
                        (double)slabs->faces[f].range, local);
-        float *p = positions + 3 * (firsts[f] + (int64_t)r * columns + c);
+        float *p = positions + 3 * (hidden->firsts[f] + (int64_t)r * columns + c);
         for (int axis = 0; axis < 3; axis++)
           p[axis] = (float)local[axis];
       }
@@ -71,21 +70,21 @@ done:
 }
 
 int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                        const fum_lattice *lattice, float tolerance, fum_hidden *out_hidden) {
+                        const fum_lattice_face *faces, float tolerance, fum_hidden *out_hidden) {
   /* What is left of the light behind this depth is a fiftieth of the tolerance. */
-  fum_hidden hidden = {.limit = -logf(0.02F * tolerance)};
+  fum_hidden hidden = {.face_count = slabs->count + 1, .faces = faces, .limit = -logf(0.02F * tolerance)};
   float *positions = NULL;
   fum_octree *points = NULL;
   *out_hidden = hidden;
   /* Smoke before the clip range hides nothing, but lies between the samples and the camera. */
   if ((double)slabs->faces[0].range <= view->clip_start * 1.0001) return FUM_OK;
-  int32_t status = fum_alloc(context, lattice->face_count, sizeof *hidden.firsts, "hidden samples", &hidden.firsts);
+  int32_t status = fum_alloc(context, hidden.face_count, sizeof *hidden.firsts, "hidden samples", &hidden.firsts);
   if (status != FUM_OK) goto done;
-  const int64_t count = lay_values(lattice, hidden.firsts);
+  const int64_t count = lay_values(&hidden);
   status = fum_alloc(context, count, sizeof *hidden.depths, "hidden samples", &hidden.depths);
   if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *positions, "hidden samples", &positions);
   if (status != FUM_OK) goto done;
-  place_points(view, slabs, lattice, hidden.firsts, positions);
+  place_points(view, slabs, &hidden, positions);
   status = fum_octree_build_points(context, octree->origin, count, positions, FUM_GROUP_SIZE, &points);
   if (status == FUM_OK) status = solve(context, octree, view, points, hidden.limit, hidden.depths);
   if (status != FUM_OK) goto done;
@@ -103,11 +102,11 @@ void fum_hidden_free(fum_context *context, fum_hidden *hidden) {
   fum_free(context, &hidden->depths);
 }
 
-bool fum_hidden_ask(const fum_hidden *hidden, const fum_lattice *lattice, int32_t face, float u, float v) {
+bool fum_hidden_ask(const fum_hidden *hidden, int32_t face, float u, float v) {
   /* One coarse face further to the front, so that what interpolation takes from a hidden sample is hidden as well. */
   const int32_t before = face / FUM_HIDDEN_STEP * FUM_HIDDEN_STEP - FUM_HIDDEN_STEP;
-  if (hidden->depths == NULL || before < 0 || lattice->faces[before].columns == 0) return false;
-  const fum_lattice_face *grid = &lattice->faces[before];
+  if (hidden->depths == NULL || before < 0 || hidden->faces[before].columns == 0) return false;
+  const fum_lattice_face *grid = &hidden->faces[before];
   const int32_t columns = coarse(grid->columns), rows = coarse(grid->rows);
   const int32_t c0 = (int32_t)floorf((u - grid->origin[0]) / (grid->spacing[0] * FUM_HIDDEN_STEP)) - 1;
   const int32_t r0 = (int32_t)floorf((v - grid->origin[1]) / (grid->spacing[1] * FUM_HIDDEN_STEP)) - 1;
@@ -118,4 +117,29 @@ bool fum_hidden_ask(const fum_hidden *hidden, const fum_lattice *lattice, int32_
     }
   }
   return true;
+}
+
+/* The value of the coarse sample nearest to (u, v) on a coarse face that has any. */
+static double nearest_depth(const fum_hidden *hidden, int32_t face, const double window[2]) {
+  const fum_lattice_face *grid = &hidden->faces[face];
+  const int32_t counts[2] = {coarse(grid->columns), coarse(grid->rows)};
+  int32_t at[2];
+  for (int axis = 0; axis < 2; axis++) {
+    const double step = (double)grid->spacing[axis] * FUM_HIDDEN_STEP;
+    const double place = (window[axis] - (double)grid->origin[axis]) / step + 0.5;
+    at[axis] = (int32_t)fmin(fmax(place, 0.0), (double)(counts[axis] - 1));
+  }
+  return (double)hidden->depths[hidden->firsts[face] + (int64_t)at[1] * counts[0] + at[0]];
+}
+
+double fum_hidden_depth(const fum_hidden *hidden, const fum_slabs *slabs, const double window[2], double range) {
+  const int32_t first = fum_slab_at(slabs, range) / FUM_HIDDEN_STEP * FUM_HIDDEN_STEP, next = first + FUM_HIDDEN_STEP;
+  int32_t before = first;
+  while (before >= 0 && hidden->faces[before].columns == 0)
+    before -= FUM_HIDDEN_STEP;
+  const double front = before >= 0 ? nearest_depth(hidden, before, window) : 0.0;
+  if (next >= hidden->face_count || hidden->faces[next].columns == 0) return front;
+  const double begin = (double)slabs->faces[first].range, end = (double)slabs->faces[next].range;
+  const double share = fmin(1.0, fmax(0.0, (range - begin) / (end - begin)));
+  return front + (nearest_depth(hidden, next, window) - front) * share;
 }

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/lattice.h"
 
-#include "lighting/hidden.h"
-
 #include <stdlib.h>
 #include <string.h>
 
@@ -151,11 +149,8 @@ static int32_t collect(fum_context *context, const fum_view *view, const fum_sla
 }
 
 /* Forgets the marks of samples that the camera can't see. */
-static int32_t unmark_hidden(fum_context *context, const fum_octree *octree, const fum_view *view,
-                             const fum_slabs *slabs, const fum_lattice *lattice, float tolerance, marks *m) {
-  fum_hidden hidden = {0};
-  const int32_t status = fum_hidden_find(context, octree, view, slabs, lattice, tolerance, &hidden);
-  if (status != FUM_OK || hidden.depths == NULL) return status;
+static void unmark_hidden(fum_context *context, const fum_lattice *lattice, marks *m) {
+  if (lattice->hidden.depths == NULL) return;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic)
   for (int32_t f = 0; f < lattice->face_count; f++) {
     const fum_lattice_face *grid = &lattice->faces[f];
@@ -164,12 +159,10 @@ static int32_t unmark_hidden(fum_context *context, const fum_octree *octree, con
       const int64_t at = grid->first + i;
       const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
       const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
-      if (!is_marked(m, at) || !fum_hidden_ask(&hidden, lattice, f, u, v)) continue;
+      if (!is_marked(m, at) || !fum_hidden_ask(&lattice->hidden, f, u, v)) continue;
       atomic_fetch_and_explicit(&m->words[at / 64], ~(UINT64_C(1) << (at % 64)), memory_order_relaxed);
     }
   }
-  fum_hidden_free(context, &hidden);
-  return FUM_OK;
 }
 
 /* Optical depth that nothing is seen through: more would only swing in the interpolation. */
@@ -235,7 +228,9 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
     status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
   }
   if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
-  if (status == FUM_OK) status = unmark_hidden(context, octree, view, slabs, &lattice, tolerance, &m);
+  if (status == FUM_OK)
+    status = fum_hidden_find(context, octree, view, slabs, lattice.faces, tolerance, &lattice.hidden);
+  if (status == FUM_OK) unmark_hidden(context, &lattice, &m);
   if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
   if (status == FUM_OK)
     status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
@@ -254,6 +249,7 @@ int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const 
 }
 
 void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
+  fum_hidden_free(context, &lattice->hidden);
   fum_free(context, &lattice->faces);
   fum_free(context, &lattice->depths);
   fum_free(context, &lattice->visible);

@@ -8,15 +8,7 @@
 #define FUM_LIGHTING_LATTICE_H
 
 #include "lighting/gather.h"
-#include "lighting/slabs.h"
-
-/* The samples on one face: a rectangle of them, of which those near smoke are lit. */
-typedef struct fum_lattice_face {
-  float origin[2];       /* window coordinates of sample 0, 0 */
-  float spacing[2];      /* in window coordinates: across, up */
-  int32_t columns, rows; /* 0, 0: no samples here */
-  int64_t first;         /* index of sample 0, 0 */
-} fum_lattice_face;
+#include "lighting/hidden.h"
 
 typedef struct fum_lattice {
   int32_t face_count, light_count;
@@ -24,6 +16,7 @@ typedef struct fum_lattice {
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
   float *depths; /* [light_count][sample_count] optical depth to the light, or that per metre; NaN where it isn't lit */
+  fum_hidden hidden;
   float *visible; /* the same: share of the light that solids let through; NULL without solids */
 } fum_lattice;
 

@@ -6,14 +6,8 @@
 #include <stdlib.h>
 
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
- * will be fewer points. Among a million particles a point costs as much as dozens of the render's: fewer are taken
- * there. Candidates are looked at in rounds that lie everywhere. */
-enum { POINTS = 1024, FEWEST_POINTS = 512, ATTEMPTS = 16, ROUND = 256 };
-
-static int64_t count_points(const fum_octree *octree) {
-  const int64_t affordable = 640000000 / (octree->count + 1);
-  return affordable > POINTS ? POINTS : affordable < FEWEST_POINTS ? FEWEST_POINTS : affordable;
-}
+ * will be fewer points. Candidates are looked at in rounds that lie everywhere. */
+enum { POINTS = 1024, ATTEMPTS = 16, ROUND = 256 };
 
 static bool is_black(const fum_lamp *lamp) {
   const float *c = lamp->desc.intensity;
@@ -44,7 +38,7 @@ static int32_t begin(fum_context *context, const fum_meter_options *options, int
 
 int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options *options, fum_meter *out_meter) {
   const fum_octree *octree = options->octree;
-  const int64_t affordable = count_points(octree), count = octree->count < affordable ? octree->count : affordable;
+  const int64_t count = octree->count < POINTS ? octree->count : POINTS;
   const double start_s = fum_now_s();
   fum_meter meter;
   const int32_t status = begin(context, options, count, &meter);
@@ -75,7 +69,8 @@ static double scatter(uint64_t seed, double out[3]) {
 }
 
 /* Moves a point to the middle of its pixel at the same range. False if it isn't seen there. */
-static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_meter_point *point) {
+static bool put_on_pixel(const fum_meter_sight *sight, fum_meter_point *point) {
+  const fum_view *view = sight->view;
   double c[3];
   fum_transform_point(view->camera_from_local, point->position, c);
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
@@ -94,7 +89,8 @@ static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_me
   }
   const double depth = point->range / sqrt(length);
   if (depth < view->clip_start || depth > view->clip_end) return false;
-  if (solid_depths != NULL && depth > (double)solid_depths[(int64_t)pixels[1] * view->width + pixels[0]]) return false;
+  const int64_t pixel = (int64_t)pixels[1] * view->width + pixels[0];
+  if (sight->solid_depths != NULL && depth > (double)sight->solid_depths[pixel]) return false;
   fum_view_point(view, point->window[0], point->window[1], point->range, point->position);
   return true;
 }
@@ -102,10 +98,8 @@ static bool put_on_pixel(const fum_view *view, const float *solid_depths, fum_me
 /* How points are looked for. */
 typedef struct search {
   const fum_octree *octree; /* of the smoke that the camera sees */
-  fum_truth smoke;
-  const fum_view *view;
-  double footprint_sigmas;
-  const float *solid_depths;
+  fum_truth smoke;          /* only where sight->hidden knows nothing */
+  const fum_meter_sight *sight;
   struct candidate {
     bool is_seen;
     fum_meter_point point;
@@ -115,41 +109,44 @@ typedef struct search {
 static int32_t begin_search(fum_context *context, search *s) {
   const fum_medium smoke = {.octree = s->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
   const double sigmas = 2.5; /* these depths only choose: particles farther away may be missed */
+  if (s->sight->hidden->depths != NULL) return FUM_OK;
   return fum_truth_begin(context, &smoke, 0.5 * sigmas * sigmas, &s->smoke);
 }
 
 /* Lets a point pass as often as light passes from it to the camera. */
 static bool passes(const search *s, const fum_meter_point *point, double chance) {
-  const fum_view *view = s->view;
-  const double *w = point->window;
+  const fum_view *view = s->sight->view;
+  const double *w = point->window, limit = -log(1.0 - chance);
+  if (s->sight->hidden->depths != NULL)
+    return fum_hidden_depth(s->sight->hidden, s->sight->slabs, w, point->range) <= limit;
   const double length = view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(1.0 + w[0] * w[0] + w[1] * w[1]) : 1.0;
   double start[3];
   fum_view_point(view, w[0], w[1], view->clip_start * length, start);
   const fum_emitter camera = {.position = {(float)start[0], (float)start[1], (float)start[2]}};
-  const double limit = -log(1.0 - chance);
   return fum_truth_depth(&s->smoke, point->position, &camera, limit) <= limit;
 }
 
 static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
   const fum_octree *octree = s->octree;
+  const double sigmas = s->sight->footprint_sigmas;
   const int64_t i = choose(candidate, POINTS, octree->count);
   const uint64_t seed = fum_hash64((uint64_t)candidate);
   double offset[3];
-  if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > s->footprint_sigmas) return false;
+  if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > sigmas) return false;
   /* What is seen of a dense particle is the surface of its footprint. */
-  const double stretch = fum_footprint(s->footprint_sigmas, (double)octree->optical_depths[i]) / s->footprint_sigmas;
+  const double stretch = fum_footprint(sigmas, (double)octree->optical_depths[i]) / sigmas;
   const double center[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   for (int axis = 0; axis < 3; axis++) {
     out_point->position[axis] = center[axis] + offset[axis] * stretch / (double)octree->inverse_sigmas[i];
   }
   out_point->receiver = (uint32_t)i;
-  return put_on_pixel(s->view, s->solid_depths, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
+  return put_on_pixel(s->sight, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
 }
 
 /* Takes the candidates that are seen, in steps that share no factor with their number: those that are one too many lie
  * anywhere. */
-static void take_seen(const search *s, int64_t wanted, fum_meter *meter) {
-  for (int64_t n = 0; n < ROUND && meter->count < wanted; n++) {
+static void take_seen(const search *s, fum_meter *meter) {
+  for (int64_t n = 0; n < ROUND && meter->count < POINTS; n++) {
     const struct candidate *candidate = &s->candidates[n * 97 % ROUND];
     if (candidate->is_seen) meter->points[meter->count++] = candidate->point;
   }
@@ -162,18 +159,17 @@ static int compare_places(const void *a, const void *b) {
 
 /* Neighbours in the octree's order one after another: their rays read the same memory. */
 static int32_t find_points(fum_meter *meter, search *s) {
-  enum { INTERVAL = POINTS / ROUND };
+  enum { INTERVAL = POINTS / ROUND, ROUNDS = ATTEMPTS * INTERVAL };
   fum_context *context = meter->context;
-  const int64_t wanted = count_points(s->octree), rounds = ATTEMPTS * wanted / ROUND;
   int32_t status = FUM_OK;
-  for (int64_t round = 0; round < rounds && meter->count < wanted && status == FUM_OK; round++) {
+  for (int64_t round = 0; round < ROUNDS && meter->count < POINTS && status == FUM_OK; round++) {
     const int64_t first = round / INTERVAL * POINTS + round % INTERVAL;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 8)
     for (int64_t n = 0; n < ROUND; n++) {
       if (fum_progress_in_loop(context, n, 16)) continue;
       s->candidates[n].is_seen = find_point(s, first + n * INTERVAL, &s->candidates[n].point);
     }
-    take_seen(s, wanted, meter);
+    take_seen(s, meter);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
   }
   qsort(meter->points, (size_t)meter->count, sizeof *meter->points, compare_places);
@@ -207,8 +203,8 @@ static int32_t find_exact(fum_meter *meter) {
   return fum_progress_report(meter->context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
 }
 
-int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
-                               double footprint_sigmas, const float *solid_depths, fum_meter *out_meter) {
+int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_meter_sight *sight,
+                               fum_meter *out_meter) {
   const double start_s = fum_now_s();
   search *s = NULL;
   fum_meter meter;
@@ -216,9 +212,7 @@ int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *op
   if (status == FUM_OK) status = fum_alloc(context, 1, sizeof *s, "meter", &s);
   if (status != FUM_OK) goto done;
   s->octree = options->octree;
-  s->view = view;
-  s->footprint_sigmas = footprint_sigmas;
-  s->solid_depths = solid_depths;
+  s->sight = sight;
   status = begin_search(context, s);
   if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
   if (status == FUM_OK) status = find_exact(&meter);

@@ -46,11 +46,19 @@ typedef struct fum_meter_options {
 /* Chooses particles. fum_meter_listen is to be given to the gathering that lights them. */
 int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options *options, fum_meter *out_meter);
 
+/* What is known of the smoke that the camera sees. */
+typedef struct fum_meter_sight {
+  const fum_view *view;
+  double footprint_sigmas;   /* in which particles are drawn */
+  const float *solid_depths; /* [height][width]; NULL: none */
+  const fum_slabs *slabs;
+  const fum_hidden *hidden; /* how much smoke is in front; found by walks where it doesn't know */
+} fum_meter_sight;
+
 /* Chooses points in smoke as the camera sees it: about a sigma around random particles, on pixels' rays, within the
- * footprint in which particles are drawn, and the rarer the more smoke is in front; finds their exact light.
- * `solid_depths` [height][width] or NULL. */
-int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_view *view,
-                               double footprint_sigmas, const float *solid_depths, fum_meter *out_meter);
+ * footprint, and the rarer the more smoke is in front; finds their exact light. */
+int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_meter_sight *sight,
+                               fum_meter *out_meter);
 void fum_meter_end(fum_meter *meter);
 
 /* A fum_listen_fn; `user` is the meter. */

@@ -59,7 +59,9 @@ static void test_exact_light_is_brute_force(void **state) {
   for (int k = 0; k < 2; k++) {
     setup *t = open_setup(&clouds[k], 0.01F);
     fum_meter meter;
-    assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &t->view, 3.0, NULL, &meter), FUM_OK);
+    const fum_hidden unknown = {0};
+    const fum_meter_sight sight = {&t->view, 3.0, NULL, NULL, &unknown};
+    assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &sight, &meter), FUM_OK);
     assert_true(meter.count >= 256 && meter.count <= 1024);
     for (int64_t n = 0; n < meter.count; n += k == 0 ? 1 : 16) {
       const double expected = brute_transmittance(t, &clouds[k], meter.points[n].position);
@@ -133,8 +135,9 @@ static void test_spoiled_lattice_is_noticed(void **state) {
   assert_int_equal(fum_lattice_light(all, &t->view, &slabs, footprint, tolerance, &t->lighting.gathering, 1,
                                      t->lighting.lamps, &lattice),
                    FUM_OK);
-  assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &t->view, (double)footprint, NULL, &meter),
-                   FUM_OK);
+  const fum_meter_sight sight = {&t->view, (double)footprint, NULL, &slabs, &lattice.hidden};
+  assert_non_null(lattice.hidden.depths);
+  assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &sight, &meter), FUM_OK);
   fum_meter_ask(&meter, &slabs, &lattice);
   assert_int_equal(fum_meter_read(&meter, &right), FUM_OK);
   if (right.rms > 2.0 * (double)tolerance * right.level) fail_msg("rms %g of %g", right.rms, right.level);
