@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "api/caches.h"
-#include "api/lighting.h"
+#include "api/combine.h"
 #include "api/settings.h"
-#include "billboard/arrange.h"
-#include "billboard/gl.h"
-#include "billboard/tiles.h"
-#include "lighting/inscatter.h"
-#include "lighting/meter.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
 #include "pass/table.h"
@@ -17,19 +11,7 @@ void fum_render_stats_init(fum_render_stats *stats) {
   *stats = (fum_render_stats){.struct_size = sizeof *stats};
 }
 
-/* One call of fum_render: what it was asked for and what it has made so far. */
-typedef struct render {
-  fum_context *context;
-  fum_scene *scene;
-  fum_settings settings;
-  fum_view view;
-  float *solid_depths; /* [height][width]; NULL: no solid in front of the camera */
-  float *combined;     /* [height][width][4]; NULL: not asked for */
-  float *depth;        /* [height][width]; NULL: not asked for */
-  fum_render_stats stats;
-} render;
-
-static int64_t pixel_count(const render *r) {
+static int64_t pixel_count(const fum_rendering *r) {
   return (int64_t)r->view.width * r->view.height;
 }
 
@@ -48,7 +30,7 @@ static int32_t check_passes(fum_context *context, const fum_view *view, int32_t 
   return FUM_OK;
 }
 
-static int32_t allocate_passes(render *r, int32_t pass_count, const fum_pass_buffer *passes) {
+static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
   int32_t status = FUM_OK;
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
     if (passes[i].pass == FUM_PASS_COMBINED && r->combined == NULL) {
@@ -61,7 +43,7 @@ static int32_t allocate_passes(render *r, int32_t pass_count, const fum_pass_buf
 }
 
 /* Depth of the nearest solid for every pixel's centre. */
-static int32_t find_solid_depths(render *r) {
+static int32_t find_solid_depths(fum_rendering *r) {
   const fum_solids *solids = r->scene->caches->solids;
   if (!fum_solids_hide_from_camera(solids)) return FUM_OK;
   int32_t status = fum_alloc(r->context, pixel_count(r), sizeof(float), "depth of solids", &r->solid_depths);
@@ -82,262 +64,11 @@ static int32_t find_solid_depths(render *r) {
   return fum_progress_report(r->context, FUM_STAGE_PASSES, 0.0F, "Finding solids");
 }
 
-static fum_viewpoint find_viewpoint(const fum_view *view) {
-  const double *m = view->local_from_camera;
-  return (fum_viewpoint){.is_directional = view->type == FUM_CAMERA_ORTHOGRAPHIC,
-                         .position = {(float)m[3], (float)m[7], (float)m[11]},
-                         .direction = {(float)m[2], (float)m[6], (float)m[10]}};
+static int32_t make_combined(fum_rendering *r) {
+  return r->settings.device == FUM_DEVICE_GL ? fum_combine_with_gl(r) : fum_combine_with_tiles(r);
 }
 
-static fum_meter_options meter_options(const render *r, const fum_lighting *lighting) {
-  return (fum_meter_options){.octree = r->scene->caches->all,
-                             .medium = &lighting->medium,
-                             .lamp_count = r->scene->light_count,
-                             .lamps = lighting->lamps,
-                             .error = 0.01 * (double)fum_transmittance_error(&r->settings)};
-}
-
-static void note_accuracy(render *r, const fum_accuracy *accuracy) {
-  r->stats.accuracy_count = accuracy->count;
-  r->stats.accuracy_rms = accuracy->rms;
-  r->stats.accuracy_p95 = accuracy->p95;
-  r->stats.accuracy_worst = accuracy->worst;
-  r->stats.accuracy_bias = accuracy->bias;
-}
-
-static int32_t measure_particles(render *r, const fum_meter *meter) {
-  const double allowed = (double)fum_transmittance_error(&r->settings);
-  fum_accuracy accuracy;
-  const int32_t status = fum_meter_read(meter, &accuracy);
-  if (status != FUM_OK) return status;
-  note_accuracy(r, &accuracy);
-  if (accuracy.worst > allowed) {
-    fum_warn(r->context,
-             "light misses the tolerance %g: a particle's transmittance to a light is wrong by %.2g, %.2g are allowed",
-             (double)r->settings.tolerance, accuracy.worst, allowed);
-  }
-  return FUM_OK;
-}
-
-static int32_t light_particles(render *r, float **out_light) {
-  const double start_s = fum_now_s();
-  const fum_octree *all = r->scene->caches->all;
-  fum_lighting lighting = {0};
-  fum_meter meter = {0};
-  float *light = NULL;
-  int32_t status = fum_alloc(r->context, all->count, 3 * sizeof *light, "light of the particles", &light);
-  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
-  if (status == FUM_OK) status = fum_receivers_group(r->context, all, &lighting.receivers);
-  const fum_meter_options options = meter_options(r, &lighting);
-  if (status == FUM_OK) status = fum_meter_begin_particles(r->context, &options, &meter);
-  if (status != FUM_OK) goto done;
-  lighting.gathering.listen = fum_meter_listen;
-  lighting.gathering.listen_user = &meter;
-  const fum_viewpoint viewpoint = find_viewpoint(&r->view);
-  status = fum_inscatter(r->scene, &lighting.gathering, lighting.lamps, &viewpoint, light);
-  if (status == FUM_OK) status = measure_particles(r, &meter);
-  if (status != FUM_OK) goto done;
-  r->stats.light_points = all->count;
-  r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++)
-    r->stats.light_sample_count += lighting.lamps[i].sample_count;
-  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
-  *out_light = light;
-  light = NULL;
-done:
-  fum_meter_end(&meter);
-  fum_lighting_end(r->context, &lighting);
-  fum_free(r->context, &light);
-  return status;
-}
-
-/* Share of a billboard's optical depth that may lie outside of what is drawn: a quarter of the tolerance. */
-static float footprint_sigmas(float tolerance) {
-  return sqrtf(2.0F * logf(4.0F / fminf(tolerance, 1.0F)));
-}
-
-static fum_frame make_frame(const render *r) {
-  const fum_view *view = &r->view;
-  fum_frame frame = {.type = view->type,
-                     .width = view->width,
-                     .height = view->height,
-                     .clip_start = (float)view->clip_start,
-                     .clip_end = (float)view->clip_end,
-                     .footprint_sigmas = footprint_sigmas(r->settings.tolerance),
-                     .solid_depths = r->solid_depths};
-  for (int i = 0; i < 4; i++)
-    frame.window[i] = (float)view->window[i];
-  return frame;
-}
-
-static int32_t draw_billboards(render *r, const float *light) {
-  const fum_octree *all = r->scene->caches->all;
-  const fum_frame frame = make_frame(r);
-  uint32_t *ranks = NULL;
-  fum_billboard *billboards = NULL;
-  int64_t count = 0;
-  double start_s = fum_now_s();
-  int32_t status = fum_progress_report(r->context, FUM_STAGE_SORTING, 0.0F, "Sorting particles by depth");
-  if (status != FUM_OK) goto done;
-  status = fum_arrange_order(r->scene, all, &r->view, frame.footprint_sigmas, &ranks, &count);
-  if (status == FUM_OK) status = fum_alloc(r->context, count, sizeof *billboards, "billboards", &billboards);
-  if (status != FUM_OK) goto done;
-  fum_arrange_billboards(r->scene, all, &r->view, light, count, ranks, billboards);
-  r->stats.drawn_count = count;
-  r->stats.sort_s = fum_now_s() - start_s;
-  start_s = fum_now_s();
-  status = fum_gl_draw(r->context, &frame, count, billboards, r->combined, r->stats.device);
-  r->stats.draw_s = fum_now_s() - start_s;
-done:
-  fum_free(r->context, &billboards);
-  fum_free(r->context, &ranks);
-  return status;
-}
-
-/* Every particle lit at its centre, billboards blended by OpenGL. */
-static int32_t combine_with_gl(render *r) {
-  float *light = NULL;
-  int32_t status = light_particles(r, &light);
-  if (status == FUM_OK) status = draw_billboards(r, light);
-  fum_free(r->context, &light);
-  return status;
-}
-
-/* Light as tiles look it up. */
-typedef struct smoke_light {
-  fum_slabs slabs;
-  fum_lattice lattice;
-} smoke_light;
-
-static void smoke_light_free(fum_context *context, smoke_light *light) {
-  fum_lattice_free(context, &light->lattice);
-  fum_slabs_free(context, &light->slabs);
-}
-
-static int32_t light_smoke_once(render *r, const fum_lighting *lighting, float footprint, float thinnest,
-                                float tolerance, smoke_light *out_light) {
-  const fum_octree *all = r->scene->caches->all;
-  smoke_light light = {0};
-  int32_t status = fum_slabs_find(r->context, all, &r->view, tolerance, thinnest, &light.slabs);
-  if (status == FUM_OK && light.slabs.count > 0) {
-    status = fum_lattice_light(all, &r->view, &light.slabs, footprint, tolerance, &lighting->gathering,
-                               r->scene->light_count, lighting->lamps, &light.lattice);
-  }
-  if (status != FUM_OK) {
-    smoke_light_free(r->context, &light);
-    return status;
-  }
-  *out_light = light;
-  return FUM_OK;
-}
-
-/* How much of the tolerance the light takes: above 1 it is missed. The meter's points are what the camera sees, and a
- * pixel adds up the light of such points, so that their relative RMS is about the most that the picture's can be. */
-static double share_of_tolerance(const render *r, const fum_accuracy *accuracy) {
-  return accuracy->rms > 0.0 ? accuracy->rms / ((double)r->settings.tolerance * accuracy->level) : 0.0;
-}
-
-static int32_t measure_smoke(render *r, fum_meter *meter, const smoke_light *light, double *out_share) {
-  fum_accuracy accuracy;
-  fum_meter_ask(meter, &light->slabs, &light->lattice);
-  const int32_t status = fum_meter_read(meter, &accuracy);
-  if (status != FUM_OK) return status;
-  note_accuracy(r, &accuracy);
-  *out_share = share_of_tolerance(r, &accuracy);
-  return FUM_OK;
-}
-
-/* Lights the smoke in view, and again in smaller steps if the meter says so. Errors of both kinds of step grow with the
- * tolerance that they are made for. */
-static int32_t light_smoke(render *r, const fum_lighting *lighting, float footprint, float thinnest, fum_meter *meter,
-                           smoke_light *light) {
-  enum { REFINEMENTS = 2 };
-  double share = 0.0;
-  float tolerance = r->settings.tolerance;
-  int32_t status = light_smoke_once(r, lighting, footprint, thinnest, tolerance, light);
-  if (status != FUM_OK || light->slabs.count == 0) return status;
-  const fum_meter_options options = meter_options(r, lighting);
-  const fum_meter_sight sight = {&r->view, (double)footprint, r->solid_depths, &light->slabs, &light->lattice.hidden};
-  status = fum_meter_begin_points(r->context, &options, &sight, meter);
-  if (status == FUM_OK) status = measure_smoke(r, meter, light, &share);
-  while (status == FUM_OK && share > 1.0 && r->stats.refinement_count < REFINEMENTS) {
-    smoke_light finer;
-    tolerance *= fmaxf(0.25F, 0.7F / (float)share);
-    status = light_smoke_once(r, lighting, footprint, thinnest, tolerance, &finer);
-    if (status != FUM_OK) break;
-    smoke_light_free(r->context, light);
-    *light = finer;
-    r->stats.refinement_count++;
-    status = measure_smoke(r, meter, light, &share);
-  }
-  if (status == FUM_ERROR_MEMORY && share > 1.0) {
-    fum_warn(r->context, "light can't be found in smaller steps: %s", r->context->error);
-    status = FUM_OK;
-  }
-  if (status == FUM_OK && share > 1.0) {
-    fum_warn(
-        r->context,
-        "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
-        "squares)",
-        (double)r->settings.tolerance, share * (double)r->settings.tolerance);
-  }
-  return status;
-}
-
-/* Light on a lattice, particles added up in slabs. */
-static int32_t combine_with_tiles(render *r) {
-  const fum_octree *all = r->scene->caches->all;
-  const float footprint = footprint_sigmas(r->settings.tolerance);
-  float anisotropies[16];
-  fum_lighting lighting = {0};
-  fum_meter meter = {0};
-  smoke_light light = {0};
-  fum_splats splats = {0};
-  fum_tile_job job = {.scene = r->scene,
-                      .octree = all,
-                      .view = &r->view,
-                      .slabs = &light.slabs,
-                      .splats = &splats,
-                      .lattice = &light.lattice,
-                      .solids = r->scene->caches->solids,
-                      .solid_shadow_intensity = r->settings.solid_shadow_intensity,
-                      .solid_depths = r->solid_depths,
-                      .rgba = r->combined};
-  double start_s = fum_now_s();
-  int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
-  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
-  if (status == FUM_OK) status = light_smoke(r, &lighting, footprint, job.thinnest, &meter, &light);
-  if (status != FUM_OK || light.slabs.count == 0) goto done;
-  job.lamps = lighting.lamps;
-  r->stats.light_points = light.lattice.lit_count;
-  r->stats.slab_count = light.slabs.count;
-  r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++)
-    r->stats.light_sample_count += lighting.lamps[i].sample_count;
-  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
-  start_s = fum_now_s();
-  status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
-  if (status != FUM_OK) goto done;
-  fum_tiles_shade_dust(r->context, &job, &splats);
-  r->stats.drawn_count = splats.seen_count;
-  r->stats.sort_s = fum_now_s() - start_s;
-  start_s = fum_now_s();
-  status = fum_tiles_draw(r->context, &job);
-  r->stats.draw_s = fum_now_s() - start_s;
-  memcpy(r->stats.device, "tiles", sizeof "tiles");
-done:
-  fum_splats_free(r->context, &splats);
-  smoke_light_free(r->context, &light);
-  fum_meter_end(&meter);
-  fum_lighting_end(r->context, &lighting);
-  return status;
-}
-
-static int32_t make_combined(render *r) {
-  return r->settings.device == FUM_DEVICE_GL ? combine_with_gl(r) : combine_with_tiles(r);
-}
-
-static int32_t make_depth(render *r) {
+static int32_t make_depth(fum_rendering *r) {
   const double start_s = fum_now_s();
   const fum_octree *all = r->scene->caches->all;
   float *reaches = NULL;
@@ -349,14 +80,14 @@ static int32_t make_depth(render *r) {
   return status;
 }
 
-static void hand_over(const render *r, int32_t pass_count, const fum_pass_buffer *passes) {
+static void hand_over(const fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
   for (int32_t i = 0; i < pass_count; i++) {
     const float *from = passes[i].pass == FUM_PASS_COMBINED ? r->combined : r->depth;
     memcpy(passes[i].pixels, from, (size_t)passes[i].pixels_size * sizeof *from);
   }
 }
 
-static void fill_stats(render *r) {
+static void fill_stats(fum_rendering *r) {
   const fum_scene *scene = r->scene;
   fum_render_stats *stats = &r->stats;
   stats->light_count = scene->light_count;
@@ -370,7 +101,7 @@ static void fill_stats(render *r) {
 int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
                    const fum_pass_buffer *passes, fum_render_stats *out_stats) {
   const double start_s = fum_now_s();
-  render r = {.context = scene->context, .scene = scene};
+  fum_rendering r = {.context = scene->context, .scene = scene};
   fum_context *context = scene->context;
   fum_render_stats_init(&r.stats);
   fum_progress_begin(context);

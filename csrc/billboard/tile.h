@@ -27,6 +27,8 @@ typedef struct fum_tile_job {
   bool is_uniform;           /* one class, one albedo and no emission: only optical depth is added up... */
   float albedo[3];           /* ...and this is the albedo */
   bool glows;                /* emission is added up as well */
+  const float *centre_light; /* [3 octree->count] of particles that are lit at their centres, as of fum_inscatter, and
+                                counted as emission; NULL: light comes from the lattice */
   float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
   float *rgba;               /* [height][width][4] */
 } fum_tile_job;

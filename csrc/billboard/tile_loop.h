@@ -45,9 +45,11 @@ static void aim(tile *t) {
   }
 }
 
-/* What a splat adds to each channel behind the first, as factors on its optical depth. */
-static void find_look(const fum_tile_job *job, uint32_t index, float self_shade, float *out) {
+/* What a splat adds to each channel behind the first, as factors on its optical depth. `splat` is its place in the
+ * octree's order. */
+static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade, float *out) {
   if (job->is_uniform) return;
+  const uint32_t index = job->octree->indices[splat];
   const fum_particles *set = fum_scene_particles_of(job->scene, index);
   const int64_t i = index - set->offset;
   const float *albedo = set->albedos != NULL ? set->albedos + 3 * i : set->albedo;
@@ -57,8 +59,10 @@ static void find_look(const fum_tile_job *job, uint32_t index, float self_shade,
       out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] * self_shade : 0.0F;
   }
   const float density = fmaxf(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
+  const float *light = job->centre_light != NULL ? job->centre_light + 3 * (int64_t)splat : NULL;
   for (int c = 0; job->glows && c < 3; c++)
-    out[3 * job->class_count + c] = emission[c] / density;
+    out[3 * job->class_count + c] =
+        (density > 0.0F ? emission[c] / density : 0.0F) + (light != NULL ? albedo[c] * light[c] * self_shade : 0.0F);
 }
 
 enum { MAX_LOOK = 3 * 16 + 3 };
@@ -200,7 +204,7 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     const fum_splat *s = &t->job->splats->splats[indices[n]];
     int32_t first, last;
     find_span(t, s, &first, &last);
-    find_look(t->job, t->job->octree->indices[indices[n]], s->self_shade, look);
+    find_look(t->job, indices[n], s->self_shade, look);
     const float reach = 1.125F * s->reach;
     const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
     const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);

@@ -48,14 +48,17 @@ typedef struct marks {
   _Atomic uint64_t *words; /* a bit a sample */
 } marks;
 
+static void mark_word(marks *m, int64_t word, uint64_t bits) {
+  if ((atomic_load_explicit(&m->words[word], memory_order_relaxed) & bits) != bits)
+    atomic_fetch_or_explicit(&m->words[word], bits, memory_order_relaxed);
+}
+
 static void mark_span(marks *m, int64_t begin, int64_t end) {
-  for (int64_t word = begin / 64; word <= (end - 1) / 64; word++) {
-    const int64_t low = begin > word * 64 ? begin - word * 64 : 0, high = end < word * 64 + 64 ? end - word * 64 : 64;
-    const uint64_t bits = (high == 64 ? ~UINT64_C(0) : (UINT64_C(1) << high) - 1) & ~((UINT64_C(1) << low) - 1);
-    if ((atomic_load_explicit(&m->words[word], memory_order_relaxed) & bits) != bits) {
-      atomic_fetch_or_explicit(&m->words[word], bits, memory_order_relaxed);
-    }
-  }
+  for (; end - begin >= 64; begin += 64 - begin % 64)
+    mark_word(m, begin / 64, ~UINT64_C(0) << (begin % 64));
+  const uint64_t bits = (UINT64_C(1) << (end - begin)) - 1, shift = (uint64_t)begin % 64;
+  mark_word(m, begin / 64, bits << shift);
+  if (shift != 0 && bits >> (64 - shift) != 0) mark_word(m, begin / 64 + 1, bits >> (64 - shift));
 }
 
 static int32_t clamp(float value, int32_t high) {
@@ -88,13 +91,12 @@ static void mark_particle(const fum_octree *octree, const fum_view *view, const 
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
   if (-c[2] + reach < view->clip_start || !(octree->optical_depths[i] > 0.0F)) return;
-  const int32_t first = fum_slab_at(slabs, range - reach);
-  for (int32_t f = first; f <= slabs->count; f++) {
-    const double at = (double)slabs->faces[f].range;
+  const fum_face *faces = slabs->faces;
+  for (int32_t f = fum_slab_at(slabs, range - reach); f <= slabs->count; f++) {
     /* Light on a face serves the slabs on both of its sides. */
-    const double slack = fmax(f > 0 ? at - (double)slabs->faces[f - 1].range : 0.0,
-                              f < slabs->count ? (double)slabs->faces[f + 1].range - at : 0.0);
-    const double gap = fmax(0.0, fabs(at - range) - slack);
+    const double at = (double)faces[f].range, before = (double)faces[f > 0 ? f - 1 : f].range;
+    const double next = (double)faces[f < slabs->count ? f + 1 : f].range;
+    const double gap = before > range ? before - range : next < range ? range - next : 0.0;
     if (gap <= reach) mark_face(view, &lattice->faces[f], c, sqrt(reach * reach - gap * gap), m);
     if (at > range + reach) break;
   }
@@ -114,38 +116,18 @@ static bool is_marked(const marks *m, int64_t sample) {
   return (atomic_load_explicit(&m->words[sample / 64], memory_order_relaxed) >> (sample % 64) & 1) != 0;
 }
 
-/* The marked samples: which they are, and where in local space. */
-typedef struct chosen {
-  int64_t count;
-  uint32_t *samples;
-  float *positions; /* [3 count] */
-} chosen;
-
-static int32_t collect(fum_context *context, const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice,
-                       const marks *m, chosen *c) {
+static int32_t collect(fum_context *context, const marks *m, fum_lattice *lattice) {
   const int64_t words = (lattice->sample_count + 63) / 64;
-  for (int64_t w = 0; w < words; w++)
-    c->count += __builtin_popcountll(m->words[w]);
-  int32_t status = fum_alloc(context, c->count, sizeof *c->samples, "lattice of light", &c->samples);
-  if (status == FUM_OK)
-    status = fum_alloc(context, c->count, 3 * sizeof *c->positions, "lattice of light", &c->positions);
-  if (status != FUM_OK) return status;
   int64_t n = 0;
-  for (int32_t f = 0; f < lattice->face_count; f++) {
-    const fum_lattice_face *grid = &lattice->faces[f];
-    const int64_t samples = (int64_t)grid->columns * grid->rows;
-    for (int64_t i = 0; i < samples; i++) {
-      if (!is_marked(m, grid->first + i)) continue;
-      double local[3];
-      const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
-      const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
-      fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
-      for (int axis = 0; axis < 3; axis++)
-        c->positions[3 * n + axis] = (float)local[axis];
-      c->samples[n++] = (uint32_t)(grid->first + i);
-    }
+  for (int64_t w = 0; w < words; w++)
+    lattice->lit_count += __builtin_popcountll(m->words[w]);
+  const int32_t status =
+      fum_alloc(context, lattice->lit_count, sizeof *lattice->samples, "lattice of light", &lattice->samples);
+  for (int64_t w = 0; w < words && status == FUM_OK; w++) {
+    for (uint64_t word = m->words[w]; word != 0; word &= word - 1)
+      lattice->samples[n++] = (uint32_t)(w * 64 + __builtin_ctzll(word));
   }
-  return FUM_OK;
+  return status;
 }
 
 /* Forgets the marks of samples that the camera can't see. */
@@ -168,30 +150,68 @@ static void unmark_hidden(fum_context *context, const fum_lattice *lattice, mark
 /* Optical depth that nothing is seen through: more would only swing in the interpolation. */
 static const float OPAQUE = 20.0F;
 
-static int32_t light_samples(const fum_gathering *base, const fum_octree *points, const chosen *c, int32_t light_count,
-                             const fum_lamp *lamps, fum_lattice *lattice) {
-  fum_context *context = base->context;
-  fum_receivers receivers = {0};
+int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                          float footprint_sigmas, float tolerance, fum_lattice *out_lattice) {
+  fum_lattice lattice = {0};
+  marks m = {0};
+  int32_t status = lay_faces(context, view, slabs, &lattice);
+  if (status == FUM_OK && lattice.sample_count > UINT32_MAX - 64) {
+    status = fum_fail(context, FUM_ERROR_MEMORY, "lattice of light: %lld samples are too many; raise the tolerance",
+                      (long long)lattice.sample_count);
+  }
+  if (status == FUM_OK)
+    status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
+  if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
+  if (status == FUM_OK)
+    status = fum_hidden_find(context, octree, view, slabs, lattice.faces, tolerance, &lattice.hidden);
+  if (status == FUM_OK) unmark_hidden(context, &lattice, &m);
+  if (status == FUM_OK) status = collect(context, &m, &lattice);
+  if (status == FUM_OK) {
+    *out_lattice = lattice;
+    lattice = (fum_lattice){0};
+  }
+  fum_free(context, &m.words);
+  fum_lattice_free(context, &lattice);
+  return status;
+}
+
+/* Where the samples are, [3 lit_count]. */
+static void place_samples(const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice, float *positions) {
+  int32_t f = 0;
+  for (int64_t n = 0; n < lattice->lit_count; n++) {
+    while (f + 1 < lattice->face_count && lattice->samples[n] >= lattice->faces[f + 1].first)
+      f++;
+    const fum_lattice_face *grid = &lattice->faces[f];
+    const int64_t i = lattice->samples[n] - grid->first;
+    const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
+    const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
+    double local[3];
+    fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
+    for (int axis = 0; axis < 3; axis++)
+      positions[3 * n + axis] = (float)local[axis];
+  }
+}
+
+/* `points` are the samples, `receivers` made of them. */
+static int32_t light_points(const fum_gathering *g, const fum_octree *points, const fum_lamp *lamps,
+                            fum_lattice *lattice) {
+  fum_context *context = g->context;
   float *depths = NULL, *visible = NULL;
   int32_t total = 0, done_samples = 0;
-  for (int32_t l = 0; l < light_count; l++)
+  for (int32_t l = 0; l < lattice->light_count; l++)
     total += lamps[l].sample_count;
-  int32_t status = fum_receivers_group(context, points, &receivers);
-  if (status == FUM_OK) status = fum_alloc(context, c->count, sizeof *depths, "lattice of light", &depths);
-  if (status == FUM_OK && lattice->visible != NULL) {
-    status = fum_alloc(context, c->count, sizeof *visible, "lattice of light", &visible);
-  }
-  fum_gathering g = *base;
-  g.receivers = &receivers;
-  for (int32_t l = 0; l < light_count && status == FUM_OK; l++) {
+  int32_t status = fum_alloc(context, points->count, sizeof *depths, "lattice of light", &depths);
+  if (status == FUM_OK && lattice->visible != NULL)
+    status = fum_alloc(context, points->count, sizeof *visible, "lattice of light", &visible);
+  for (int32_t l = 0; l < lattice->light_count && status == FUM_OK; l++) {
     const float from = (float)done_samples / (float)total;
     done_samples += lamps[l].sample_count;
-    status = fum_gather_depths(&g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
+    status = fum_gather_depths(g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
     const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
-    for (int64_t i = 0; i < c->count; i++) {
-      const int64_t at = base_index + c->samples[points->indices[i]];
+    for (int64_t i = 0; i < points->count; i++) {
+      const int64_t at = base_index + lattice->samples[points->indices[i]];
       const fum_vec3 point = {points->x[i], points->y[i], points->z[i]};
       const float distance = is_per_metre ? fum_length(fum_sub(lamps[l].position, point)) : 1.0F;
       lattice->depths[at] = fminf(depths[i], OPAQUE) / fmaxf(distance, 1e-20F);
@@ -200,57 +220,49 @@ static int32_t light_samples(const fum_gathering *base, const fum_octree *points
   }
   fum_free(context, &visible);
   fum_free(context, &depths);
-  fum_receivers_free(context, &receivers);
   return status;
 }
 
-int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, float tolerance, const fum_gathering *gathering, int32_t light_count,
-                          const fum_lamp *lamps, fum_lattice *out_lattice) {
-  fum_context *context = gathering->context;
-  fum_lattice lattice = {.light_count = light_count};
-  fum_octree *points = NULL;
-  marks m = {0};
-  chosen c = {0};
-  int32_t status = lay_faces(context, view, slabs, &lattice);
-  const int64_t values = lattice.sample_count * light_count;
-  if (status == FUM_OK && lattice.sample_count > UINT32_MAX - 64) {
-    status = fum_fail(context, FUM_ERROR_MEMORY, "lattice of light: %lld samples are too many; raise the tolerance",
-                      (long long)lattice.sample_count);
-  }
-  if (status == FUM_OK)
-    status = fum_alloc(context, lattice.sample_count / 64 + 1, sizeof *m.words, "lattice of light", &m.words);
-  if (status == FUM_OK)
-    status = fum_alloc(context, values, sizeof *lattice.depths, "lattice of light", &lattice.depths);
+static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
+  const int64_t values = lattice->sample_count * lattice->light_count;
+  int32_t status = fum_alloc(g->context, values, sizeof *lattice->depths, "lattice of light", &lattice->depths);
   for (int64_t i = 0; i < values && status == FUM_OK; i++)
-    lattice.depths[i] = NAN;
-  if (status == FUM_OK && gathering->solids != NULL) {
-    status = fum_alloc(context, values, sizeof *lattice.visible, "lattice of light", &lattice.visible);
-  }
-  if (status == FUM_OK) status = mark_samples(context, octree, view, slabs, footprint_sigmas, &lattice, &m);
+    lattice->depths[i] = NAN;
+  if (status == FUM_OK && g->solids != NULL)
+    status = fum_alloc(g->context, values, sizeof *lattice->visible, "lattice of light", &lattice->visible);
+  return status;
+}
+
+int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
+                          int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice) {
+  fum_context *context = gathering->context;
+  const double *origin = gathering->medium->octree->origin;
+  fum_gathering g = *gathering;
+  fum_receivers receivers = {0};
+  fum_octree *points = NULL;
+  float *positions = NULL;
+  lattice->light_count = light_count;
+  int32_t status = allocate_values(&g, lattice);
   if (status == FUM_OK)
-    status = fum_hidden_find(context, octree, view, slabs, lattice.faces, tolerance, &lattice.hidden);
-  if (status == FUM_OK) unmark_hidden(context, &lattice, &m);
-  if (status == FUM_OK) status = collect(context, view, slabs, &lattice, &m, &c);
-  if (status == FUM_OK)
-    status = fum_octree_build_points(context, octree->origin, c.count, c.positions, FUM_GROUP_SIZE, &points);
-  if (status == FUM_OK) status = light_samples(gathering, points, &c, light_count, lamps, &lattice);
-  if (status == FUM_OK) {
-    lattice.lit_count = c.count;
-    *out_lattice = lattice;
-    lattice = (fum_lattice){0};
-  }
+    status = fum_alloc(context, lattice->lit_count, 3 * sizeof *positions, "lattice of light", &positions);
+  if (status != FUM_OK) goto done;
+  place_samples(view, slabs, lattice, positions);
+  status = fum_octree_build_points(context, origin, lattice->lit_count, positions, FUM_GROUP_SIZE, &points);
+  fum_free(context, &positions);
+  if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
+  g.receivers = &receivers;
+  if (status == FUM_OK) status = light_points(&g, points, lamps, lattice);
+done:
+  fum_receivers_free(context, &receivers);
   fum_octree_destroy(context, points);
-  fum_free(context, &c.positions);
-  fum_free(context, &c.samples);
-  fum_free(context, &m.words);
-  fum_lattice_free(context, &lattice);
+  fum_free(context, &positions);
   return status;
 }
 
 void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
   fum_hidden_free(context, &lattice->hidden);
   fum_free(context, &lattice->faces);
+  fum_free(context, &lattice->samples);
   fum_free(context, &lattice->depths);
   fum_free(context, &lattice->visible);
 }

@@ -15,7 +15,9 @@ typedef struct fum_lattice {
   fum_lattice_face *faces; /* [face_count] */
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
-  float *depths; /* [light_count][sample_count] optical depth to the light, or that per metre; NaN where it isn't lit */
+  uint32_t *samples; /* [lit_count] those that are lit */
+  float *depths; /* NULL before they are lit. [light_count][sample_count] optical depth to the light, or that per metre;
+                    NaN where it isn't lit */
   fum_hidden hidden;
   float *visible; /* the same: share of the light that solids let through; NULL without solids */
 } fum_lattice;
@@ -26,11 +28,13 @@ static inline bool fum_lattice_is_per_metre(const fum_lamp *lamp) {
   return lamp->sample_count == 1 && (lamp->desc.type == FUM_LIGHT_POINT || lamp->desc.type == FUM_LIGHT_SPOT);
 }
 
-/* Places samples wherever a particle's footprint (in sigmas) comes near, and lights them. `gathering` comes without
- * receivers. */
-int32_t fum_lattice_light(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                          float footprint_sigmas, float tolerance, const fum_gathering *gathering, int32_t light_count,
-                          const fum_lamp *lamps, fum_lattice *out_lattice);
+/* Places samples wherever a particle's footprint (in sigmas) comes near and the camera sees something. */
+int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                          float footprint_sigmas, float tolerance, fum_lattice *out_lattice);
+
+/* Lights the samples of a lattice that was placed. `gathering` comes without receivers. */
+int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
+                          int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);
 
 #endif

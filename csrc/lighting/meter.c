@@ -4,6 +4,7 @@
 #include "base/hash.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
  * will be fewer points. Candidates are looked at in rounds that lie everywhere. */
@@ -189,7 +190,11 @@ static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
 }
 
-static int32_t find_exact(fum_meter *meter) {
+int32_t fum_meter_find_exact(fum_meter *meter) {
+  const double start_s = fum_now_s();
+  const size_t bytes = (size_t)(meter->count * meter->lamp_count) * sizeof *meter->exact;
+  memset(meter->exact, 0, bytes);
+  memset(meter->sent, 0, bytes);
 #pragma omp parallel for num_threads(fum_thread_count(meter->context)) schedule(dynamic, 8)
   for (int64_t n = 0; n < meter->count; n++) {
     for (int32_t l = 0; l < meter->lamp_count; l++) {
@@ -200,6 +205,7 @@ static int32_t find_exact(fum_meter *meter) {
       }
     }
   }
+  meter->seconds += fum_now_s() - start_s;
   return fum_progress_report(meter->context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
 }
 
@@ -215,7 +221,6 @@ int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *op
   s->sight = sight;
   status = begin_search(context, s);
   if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
-  if (status == FUM_OK) status = find_exact(&meter);
   if (status != FUM_OK) goto done;
   meter.seconds = fum_now_s() - start_s;
   *out_meter = meter;

@@ -16,7 +16,7 @@ typedef struct fum_accuracy {
 /* A point at which transmittances are compared. */
 typedef struct fum_meter_point {
   double position[3];      /* local space */
-  uint32_t receiver;       /* in the octree's order, of a point that is a particle's centre */
+  uint32_t receiver;       /* in the octree's order, the particle that it is in */
   double window[2], range; /* of a point on a pixel's ray */
 } fum_meter_point;
 
@@ -56,12 +56,14 @@ typedef struct fum_meter_sight {
 } fum_meter_sight;
 
 /* Chooses points in smoke as the camera sees it: about a sigma around random particles, on pixels' rays, within the
- * footprint, and the rarer the more smoke is in front; finds their exact light. */
+ * footprint, and the rarer the more smoke is in front. What they are compared with is told by fum_meter_listen or,
+ * after fum_meter_find_exact, by fum_meter_ask. */
 int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *options, const fum_meter_sight *sight,
                                fum_meter *out_meter);
+int32_t fum_meter_find_exact(fum_meter *meter);
 void fum_meter_end(fum_meter *meter);
 
-/* A fum_listen_fn; `user` is the meter. */
+/* A fum_listen_fn; `user` is the meter. Takes what the light at a particle's centre is for its point. */
 void fum_meter_listen(void *user, const fum_lamp *lamp, const fum_emitter *sample, const uint8_t *is_lit,
                       const float *depths);
 

@@ -218,6 +218,15 @@ static int32_t place_faces(const bin *bins, const double extent[2], bool begins_
   return count;
 }
 
+static double mean_thickness(const bin *bins) {
+  double thickness = 0.0, mass = 0.0;
+  for (int b = 0; b < BINS; b++) {
+    thickness += bins[b].thickness;
+    mass += bins[b].mass;
+  }
+  return mass > 0.0 ? thickness / mass : 0.0;
+}
+
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
                        float thinnest, fum_slabs *out_slabs) {
   bin *bins = NULL;
@@ -241,6 +250,7 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
   s.bins = bins;
   scan_leaves(&s);
   out_slabs->count = place_faces(bins, s.extent, s.extent[0] <= view->clip_start, tolerance, frequencies, faces);
+  out_slabs->thickness = mean_thickness(bins);
   out_slabs->faces = faces;
   faces = NULL;
 done:

@@ -18,8 +18,9 @@ typedef struct fum_face {
 } fum_face;
 
 typedef struct fum_slabs {
-  int32_t count;   /* slabs; 0 when no smoke is in view */
-  fum_face *faces; /* [count + 1], nearest first */
+  int32_t count;    /* slabs; 0 when no smoke is in view */
+  double thickness; /* extinction times sigma, mean over the smoke in view */
+  fum_face *faces;  /* [count + 1], nearest first */
 } fum_slabs;
 
 /* Sigmas around a thin particle within which its smoke is looked at. */

@@ -105,22 +105,19 @@ void fum_view_ray(const fum_view *view, double x, double y, double out_start[3],
   }
 }
 
+/* No fmin and fmax: without their care for NaN they are calls, and this is asked for every particle and face. */
 void fum_view_cover(const fum_view *view, const double center[3], double radius, float lower[2], float upper[2]) {
-  const double depth = -center[2];
+  const double depth = -center[2], near = 1.0 / (depth - radius), far = 1.0 / (depth + radius);
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE, is_close = depth <= 1.01 * radius;
   for (int axis = 0; axis < 2; axis++) {
     const double *edges = view->window + 2 * axis;
     double low = center[axis] - radius, high = center[axis] + radius;
-    if (view->type == FUM_CAMERA_PERSPECTIVE) {
-      if (depth <= 1.01 * radius) {
-        low = edges[0];
-        high = edges[1];
-      } else {
-        low = fmin(low / (depth - radius), low / (depth + radius));
-        high = fmax(high / (depth - radius), high / (depth + radius));
-      }
+    if (is_perspective) {
+      low = is_close ? edges[0] : low * (low < 0.0 ? near : far);
+      high = is_close ? edges[1] : high * (high > 0.0 ? near : far);
     }
-    lower[axis] = (float)fmax(low, edges[0]);
-    upper[axis] = (float)fmin(high, edges[1]);
+    lower[axis] = (float)(low > edges[0] ? low : edges[0]);
+    upper[axis] = (float)(high < edges[1] ? high : edges[1]);
   }
 }
 

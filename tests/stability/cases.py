@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scenes import aimed, apart, at, ball, build, camera, cube, error, lamp, picture, screen, single, sun, truth, wall
@@ -184,10 +185,36 @@ def balls(count: int, depth: float) -> float:
     return error(ball(count, depth), SIDE_LIGHT)
 
 
+def samples(particles: dict[str, Any], lights: list[dict[str, Any]]) -> float:
+    """Samples of light for each particle."""
+    return core.render(build(particles, lights), camera(width=96, height=96)).stats.light_points / len(particles["position"])
+
+
 @case("20,000 particles that overlap, n sigma^3 = 5: samples of light for each", 1.0)
 def overlapping() -> float:
-    view = camera(half=0.26, width=96, height=96)
-    return core.render(build(ball(20_000, 5, overlap=5), SIDE_LIGHT), view).stats.light_points / 20_000
+    return samples(ball(20_000, 5, overlap=5), SIDE_LIGHT)
+
+
+@case("2,000 thin particles under a sun: samples of light for each", 1.0, particles=ball(2000, 0.05))
+@case("thin spray, far apart under a sun: samples of light for each", 1.0, particles=ball(1000, 0.005, overlap=0.001))
+def thin_samples(particles: dict[str, Any]) -> float:
+    return samples(particles, [sun((1, 1, -1))])
+
+
+@case("thin smoke under a sun", lights=[sun((1, 1, -1))])
+@case("thin smoke, light 100 sigmas away", lights=[lamp(8, -4, 9)])
+@case("thin smoke under two suns, glowing, g = 0.1, a colour a particle", lights=[sun((1, 1, -1)), sun((-1, 2, 0))], looks=True)
+def thin(lights: list[dict[str, Any]], looks: bool = False) -> float:
+    particles = ball(2000, 0.05)
+    if looks:
+        rng = np.random.default_rng(2)
+        particles |= {"anisotropy": 0.1, "albedo": rng.random((2000, 3)), "emission": 0.02 * rng.random((2000, 3))}
+    return error(particles, lights, camera((0, -200, 0), 0.007, 32, 32) if looks else camera(width=32, height=32))
+
+
+@case("thin spray, far apart, light 100 sigmas away")
+def spray() -> float:
+    return error(ball(300, 0.002, overlap=0.001), [lamp(4, -2, 3)], camera(width=96, height=96))
 
 
 @case("sparse particles, far apart and dense")

@@ -62,6 +62,7 @@ static void test_exact_light_is_brute_force(void **state) {
     const fum_hidden unknown = {0};
     const fum_meter_sight sight = {&t->view, 3.0, NULL, NULL, &unknown};
     assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &sight, &meter), FUM_OK);
+    assert_int_equal(fum_meter_find_exact(&meter), FUM_OK);
     assert_true(meter.count >= 256 && meter.count <= 1024);
     for (int64_t n = 0; n < meter.count; n += k == 0 ? 1 : 16) {
       const double expected = brute_transmittance(t, &clouds[k], meter.points[n].position);
@@ -132,12 +133,12 @@ static void test_spoiled_lattice_is_noticed(void **state) {
   fum_accuracy right, spoiled;
   const float footprint = 3.46F, tolerance = t->settings.tolerance;
   assert_int_equal(fum_slabs_find(t->s.context, all, &t->view, tolerance, 0.0F, &slabs), FUM_OK);
-  assert_int_equal(fum_lattice_light(all, &t->view, &slabs, footprint, tolerance, &t->lighting.gathering, 1,
-                                     t->lighting.lamps, &lattice),
-                   FUM_OK);
+  assert_int_equal(fum_lattice_place(t->s.context, all, &t->view, &slabs, footprint, tolerance, &lattice), FUM_OK);
+  assert_int_equal(fum_lattice_light(&t->lighting.gathering, &t->view, &slabs, 1, t->lighting.lamps, &lattice), FUM_OK);
   const fum_meter_sight sight = {&t->view, (double)footprint, NULL, &slabs, &lattice.hidden};
   assert_non_null(lattice.hidden.depths);
   assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &sight, &meter), FUM_OK);
+  assert_int_equal(fum_meter_find_exact(&meter), FUM_OK);
   fum_meter_ask(&meter, &slabs, &lattice);
   assert_int_equal(fum_meter_read(&meter, &right), FUM_OK);
   if (right.rms > 2.0 * (double)tolerance * right.level) fail_msg("rms %g of %g", right.rms, right.level);

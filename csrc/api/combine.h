@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* The pass Combined, by either device. */
+#ifndef FUM_API_COMBINE_H
+#define FUM_API_COMBINE_H
+
+#include "api/caches.h"
+#include "api/lighting.h"
+#include "lighting/meter.h"
+#include "scene/view.h"
+
+/* One call of fum_render: what it was asked for and what it has made so far. */
+typedef struct fum_rendering {
+  fum_context *context;
+  fum_scene *scene;
+  fum_settings settings;
+  fum_view view;
+  float *solid_depths; /* [height][width]; NULL: no solid in front of the camera */
+  float *combined;     /* [height][width][4]; NULL: not asked for */
+  float *depth;        /* [height][width]; NULL: not asked for */
+  fum_render_stats stats;
+} fum_rendering;
+
+/* Every particle lit at its centre, billboards blended by OpenGL. */
+int32_t fum_combine_with_gl(fum_rendering *r);
+
+/* Particles added up in slabs, lit by a lattice or where that is enough at their centres. */
+int32_t fum_combine_with_tiles(fum_rendering *r);
+
+/* Share of a particle's optical depth that may lie outside of what is drawn: a quarter of the tolerance. In sigmas. */
+float fum_footprint_sigmas(float tolerance);
+
+fum_viewpoint fum_find_viewpoint(const fum_view *view);
+fum_meter_options fum_find_meter_options(const fum_rendering *r, const fum_lighting *lighting);
+void fum_note_accuracy(const fum_accuracy *accuracy, fum_render_stats *stats);
+
+#endif

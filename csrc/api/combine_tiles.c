@@ -1,0 +1,203 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "api/combine.h"
+#include "billboard/tiles.h"
+#include "lighting/centres.h"
+#include "lighting/inscatter.h"
+
+#include <string.h>
+
+/* Light as tiles look it up. */
+typedef struct smoke_light {
+  fum_slabs slabs;
+  fum_lattice lattice;
+  float *centres; /* [3 count] of particles lit at their centres; NULL: the lattice holds the light */
+} smoke_light;
+
+static void smoke_light_free(fum_context *context, smoke_light *light) {
+  fum_lattice_free(context, &light->lattice);
+  fum_slabs_free(context, &light->slabs);
+  fum_free(context, &light->centres);
+}
+
+/* What lighting the smoke needs to know. */
+typedef struct plan {
+  fum_rendering *r;
+  fum_lighting *lighting;
+  float footprint, thinnest;
+} plan;
+
+/* Cuts the view into slabs and places samples, unlit. */
+static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
+  const fum_rendering *r = p->r;
+  const fum_octree *all = r->scene->caches->all;
+  int32_t status = fum_slabs_find(r->context, all, &r->view, tolerance, p->thinnest, &out_light->slabs);
+  if (status != FUM_OK || out_light->slabs.count == 0) return status;
+  return fum_lattice_place(r->context, all, &r->view, &out_light->slabs, p->footprint, tolerance, &out_light->lattice);
+}
+
+static int32_t light_lattice(const plan *p, smoke_light *light) {
+  return fum_lattice_light(&p->lighting->gathering, &p->r->view, &light->slabs, p->r->scene->light_count,
+                           p->lighting->lamps, &light->lattice);
+}
+
+/* How much of the tolerance the light takes: above 1 it is missed. The meter's points are what the camera sees, and a
+ * pixel adds up the light of such points, so that their relative RMS is about the most that the picture's can be. */
+static double share_of_tolerance(const fum_rendering *r, const fum_accuracy *accuracy) {
+  return accuracy->rms > 0.0 ? accuracy->rms / ((double)r->settings.tolerance * accuracy->level) : 0.0;
+}
+
+static int32_t read_meter(fum_rendering *r, const fum_meter *meter, double *out_share) {
+  fum_accuracy accuracy;
+  const int32_t status = fum_meter_read(meter, &accuracy);
+  if (status != FUM_OK) return status;
+  fum_note_accuracy(&accuracy, &r->stats);
+  *out_share = share_of_tolerance(r, &accuracy);
+  return FUM_OK;
+}
+
+static int32_t begin_meter(const plan *p, const smoke_light *light, fum_meter *meter) {
+  const fum_rendering *r = p->r;
+  const fum_meter_options options = fum_find_meter_options(r, p->lighting);
+  const fum_meter_sight sight = {&r->view, (double)p->footprint, r->solid_depths, &light->slabs,
+                                 &light->lattice.hidden};
+  return fum_meter_begin_points(r->context, &options, &sight, meter);
+}
+
+/* Lights every particle at its centre; the meter compares that with light around them. */
+static int32_t light_centres(const plan *p, smoke_light *light, double *out_share, fum_meter *meter) {
+  fum_rendering *r = p->r;
+  const fum_octree *all = r->scene->caches->all;
+  fum_gathering g = p->lighting->gathering;
+  const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
+  int32_t status = fum_receivers_group(r->context, all, &p->lighting->receivers);
+  if (status == FUM_OK) status = fum_alloc(r->context, all->count, 3 * sizeof(float), "lighting", &light->centres);
+  g.listen = fum_meter_listen;
+  g.listen_user = meter;
+  if (status == FUM_OK) status = fum_inscatter(r->scene, &g, p->lighting->lamps, &viewpoint, light->centres);
+  if (status == FUM_OK) status = read_meter(r, meter, out_share);
+  if (status != FUM_OK || *out_share <= 1.0) return status;
+  fum_free(r->context, &light->centres);
+  return FUM_OK;
+}
+
+/* Are the particles fewer than the samples that were placed, and light at their centres enough? */
+static bool prefers_centres(const plan *p, const smoke_light *light) {
+  const fum_rendering *r = p->r;
+  const fum_octree *all = r->scene->caches->all;
+  return all->count < light->lattice.lit_count &&
+         fum_centres_suffice(r->scene, all, &r->view, &light->slabs, p->lighting->lamps, r->scene->caches->solids,
+                             r->settings.tolerance);
+}
+
+static int32_t ask_lattice(const plan *p, const smoke_light *light, double *out_share, fum_meter *meter) {
+  fum_meter_ask(meter, &light->slabs, &light->lattice);
+  return read_meter(p->r, meter, out_share);
+}
+
+/* Lights the lattice, and again in smaller steps if the meter says so. Errors of both kinds of step grow with the
+ * tolerance that they are made for. */
+static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_share, fum_meter *meter) {
+  enum { REFINEMENTS = 2 };
+  fum_rendering *r = p->r;
+  float tolerance = r->settings.tolerance;
+  int32_t status = light_lattice(p, light);
+  if (status == FUM_OK) status = fum_meter_find_exact(meter);
+  if (status == FUM_OK) status = ask_lattice(p, light, out_share, meter);
+  while (status == FUM_OK && *out_share > 1.0 && r->stats.refinement_count < REFINEMENTS) {
+    smoke_light finer = {0};
+    tolerance *= fmaxf(0.25F, 0.7F / (float)*out_share);
+    status = place(p, tolerance, &finer);
+    if (status == FUM_OK) status = light_lattice(p, &finer);
+    if (status != FUM_OK) {
+      smoke_light_free(r->context, &finer);
+      break;
+    }
+    smoke_light_free(r->context, light);
+    *light = finer;
+    r->stats.refinement_count++;
+    status = ask_lattice(p, light, out_share, meter);
+  }
+  if (status == FUM_ERROR_MEMORY && *out_share > 1.0) {
+    fum_warn(r->context, "light can't be found in smaller steps: %s", r->context->error);
+    return FUM_OK;
+  }
+  return status;
+}
+
+/* Lights the smoke in view. */
+static int32_t light_smoke(const plan *p, smoke_light *light, fum_meter *meter) {
+  fum_rendering *r = p->r;
+  double share = 0.0;
+  int32_t status = place(p, r->settings.tolerance, light);
+  if (status != FUM_OK || light->slabs.count == 0) return status;
+  status = begin_meter(p, light, meter);
+  if (status == FUM_OK && prefers_centres(p, light)) status = light_centres(p, light, &share, meter);
+  if (status == FUM_OK && light->centres == NULL) status = light_and_refine(p, light, &share, meter);
+  if (status == FUM_OK && share > 1.0) {
+    fum_warn(
+        r->context,
+        "light misses the tolerance %g: transmittances to the lights are wrong by %.2g of their own size (root mean "
+        "squares)",
+        (double)r->settings.tolerance, share * (double)r->settings.tolerance);
+  }
+  return status;
+}
+
+/* Particles that are lit at their centres glow. */
+static void use_centres(const smoke_light *light, fum_tile_job *job) {
+  if (light->centres == NULL) return;
+  job->centre_light = light->centres;
+  job->class_count = 0;
+  job->is_uniform = false;
+  job->glows = true;
+}
+
+int32_t fum_combine_with_tiles(fum_rendering *r) {
+  const fum_octree *all = r->scene->caches->all;
+  const float footprint = fum_footprint_sigmas(r->settings.tolerance);
+  float anisotropies[16];
+  fum_lighting lighting = {0};
+  fum_meter meter = {0};
+  smoke_light light = {0};
+  fum_splats splats = {0};
+  fum_tile_job job = {.scene = r->scene,
+                      .octree = all,
+                      .view = &r->view,
+                      .slabs = &light.slabs,
+                      .splats = &splats,
+                      .lattice = &light.lattice,
+                      .solids = r->scene->caches->solids,
+                      .solid_shadow_intensity = r->settings.solid_shadow_intensity,
+                      .solid_depths = r->solid_depths,
+                      .rgba = r->combined};
+  double start_s = fum_now_s();
+  int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
+  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  const plan p = {r, &lighting, footprint, job.thinnest};
+  if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
+  if (status != FUM_OK || light.slabs.count == 0) goto done;
+  job.lamps = lighting.lamps;
+  use_centres(&light, &job);
+  r->stats.light_points = light.centres != NULL ? all->count : light.lattice.lit_count;
+  r->stats.slab_count = light.slabs.count;
+  r->stats.meter_s = meter.seconds;
+  for (int32_t i = 0; i < r->scene->light_count; i++)
+    r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
+  start_s = fum_now_s();
+  status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
+  if (status != FUM_OK) goto done;
+  fum_tiles_shade_dust(r->context, &job, &splats);
+  r->stats.drawn_count = splats.seen_count;
+  r->stats.sort_s = fum_now_s() - start_s;
+  start_s = fum_now_s();
+  status = fum_tiles_draw(r->context, &job);
+  r->stats.draw_s = fum_now_s() - start_s;
+  memcpy(r->stats.device, "tiles", sizeof "tiles");
+done:
+  fum_splats_free(r->context, &splats);
+  smoke_light_free(r->context, &light);
+  fum_meter_end(&meter);
+  fum_lighting_end(r->context, &lighting);
+  return status;
+}
