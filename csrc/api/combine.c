@@ -27,3 +27,10 @@ void fum_note_accuracy(const fum_accuracy *accuracy, fum_render_stats *stats) {
   stats->accuracy_worst = accuracy->worst;
   stats->accuracy_bias = accuracy->bias;
 }
+
+void fum_note_lighting(const fum_lighting *lighting, fum_rendering *r) {
+  const bool is_swept = lighting->solver.sweep_count > 0 && lighting->solver.exact_count == 0;
+  r->stats.solver = is_swept ? FUM_SOLVER_SWEEP : FUM_SOLVER_EXACT;
+  for (int32_t i = 0; i < r->scene->light_count; i++)
+    r->stats.light_sample_count += lighting->lamps[i].sample_count;
+}

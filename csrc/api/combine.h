@@ -29,6 +29,9 @@ int32_t fum_combine_with_tiles(fum_rendering *r);
 /* Share of a particle's optical depth that may lie outside of what is drawn: a quarter of the tolerance. In sigmas. */
 float fum_footprint_sigmas(float tolerance);
 
+/* Notes what lighting took. */
+void fum_note_lighting(const fum_lighting *lighting, fum_rendering *r);
+
 fum_viewpoint fum_find_viewpoint(const fum_view *view);
 fum_meter_options fum_find_meter_options(const fum_rendering *r, const fum_lighting *lighting);
 void fum_note_accuracy(const fum_accuracy *accuracy, fum_render_stats *stats);

@@ -38,8 +38,7 @@ static int32_t light_particles(fum_rendering *r, float **out_light) {
   if (status != FUM_OK) goto done;
   r->stats.light_points = all->count;
   r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++)
-    r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   *out_light = light;
   light = NULL;

@@ -181,8 +181,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   r->stats.light_points = light.centres != NULL ? all->count : light.lattice.lit_count;
   r->stats.slab_count = light.slabs.count;
   r->stats.meter_s = meter.seconds;
-  for (int32_t i = 0; i < r->scene->light_count; i++)
-    r->stats.light_sample_count += lighting.lamps[i].sample_count;
+  fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
   status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);

@@ -25,7 +25,9 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
   }
   lighting.medium = scene->caches->medium;
   *out_lighting = lighting;
+  out_lighting->solver.wanted = settings->solver;
   out_lighting->gathering = (fum_gathering){.context = context,
+                                            .solver = &out_lighting->solver,
                                             .medium = &out_lighting->medium,
                                             .solids = scene->caches->solids,
                                             .solid_shadow_intensity = settings->solid_shadow_intensity,

@@ -10,6 +10,7 @@ typedef struct fum_lighting {
   fum_medium medium; /* the caches' */
   fum_receivers receivers;
   fum_lamp *lamps; /* [light_count] */
+  fum_solver solver;
   fum_gathering gathering;
 } fum_lighting;
 

@@ -91,7 +91,6 @@ static void fill_stats(fum_rendering *r) {
   const fum_scene *scene = r->scene;
   fum_render_stats *stats = &r->stats;
   stats->light_count = scene->light_count;
-  stats->solver = FUM_SOLVER_EXACT;
   stats->particle_count = scene->particle_count;
   for (int32_t i = 0; i < scene->mesh_count; i++)
     stats->triangle_count += scene->meshes[i].triangle_count;

@@ -34,7 +34,7 @@ int32_t fum_settings_check(fum_context *context, const fum_settings *settings, f
     }
     s = *settings;
   }
-  int32_t status = check_integer(context, "solver", s.solver, FUM_SOLVER_AUTOMATIC, FUM_SOLVER_EXACT);
+  int32_t status = check_integer(context, "solver", s.solver, FUM_SOLVER_AUTOMATIC, FUM_SOLVER_SWEEP);
   if (status == FUM_OK) status = check_integer(context, "device", s.device, FUM_DEVICE_AUTO, FUM_DEVICE_TILES);
   if (status == FUM_OK) status = check_integer(context, "leaf_size", s.leaf_size, 1, 4096);
   if (status == FUM_OK) status = check_integer(context, "light_samples", s.light_samples, 1, 1024);

@@ -71,7 +71,7 @@ enum { FUM_AREA_RECTANGLE = 0, FUM_AREA_ELLIPSE = 1 };
 enum { FUM_CAMERA_PERSPECTIVE = 0, FUM_CAMERA_ORTHOGRAPHIC = 1 };
 
 /** How the optical depth to the lights is computed. Automatic picks the cheapest solver that keeps the tolerance. */
-enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1 };
+enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1, FUM_SOLVER_SWEEP = 2 };
 
 /**
  * What draws the particles. Tiles: in C; light is known everywhere, inside particles too, and overlapping particles are

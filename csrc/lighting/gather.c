@@ -69,7 +69,8 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     find_strengths(g, lamp, &emitter, strengths, is_lit);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from, "Lighting particles");
     if (status != FUM_OK) break;
-    status = fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, depths);
+    status = fum_solver_solve(context, g->solver, g->medium, g->receivers, &emitter, is_lit,
+                              (float[2]){from, from + step}, depths);
     if (status != FUM_OK) break;
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
@@ -135,8 +136,8 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     const float step = (progress[1] - progress[0]) / (float)lamp->sample_count;
     const float from = progress[0] + step * (float)sample;
     const fum_emitter emitter = fum_lamp_sample(lamp, sample);
-    status =
-        fum_exact_solve(context, g->medium, g->receivers, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
+    status = fum_solver_solve(context, g->solver, g->medium, g->receivers, &emitter, is_lit,
+                              (float[2]){from, from + step}, out_depths);
     if (status != FUM_OK) goto done;
     add_sample(g, lamp, &emitter, out_depths, &s);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");

@@ -3,7 +3,7 @@
 #ifndef FUM_LIGHTING_GATHER_H
 #define FUM_LIGHTING_GATHER_H
 
-#include "lighting/exact.h"
+#include "lighting/solver.h"
 #include "solid/solid.h"
 
 /* What a receiver makes of light that comes from the unit direction `to_light`. */
@@ -26,6 +26,7 @@ fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point)
 
 typedef struct fum_gathering {
   fum_context *context;
+  fum_solver *solver;
   const fum_medium *medium;
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */

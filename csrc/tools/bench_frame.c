@@ -21,7 +21,7 @@ static int draw(fum_context *context, fum_scene *scene, const options *o, const 
       "{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"width\": %d, \"height\": %d, "
       "\"device\": \"%s\", \"drawn\": %lld, \"build_s\": %.4f, \"light_s\": %.4f, \"meter_s\": %.4f, \"sort_s\": %.4f, "
       "\"draw_s\": %.4f, \"passes_s\": %.4f, \"total_s\": %.4f, \"peak_rss_mb\": %.1f}\n",
-      (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "automatic", o->threads, o->width,
+      (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads, o->width,
       o->height, stats.device, (long long)stats.drawn_count, stats.build_s, stats.light_s, stats.meter_s, stats.sort_s,
       stats.draw_s, stats.passes_s, stats.total_s, peak_rss_mb());
   if (o->exr == NULL) return 0;

@@ -57,7 +57,7 @@ static int light_and_measure(fum_context *context, fum_scene *scene, const optio
   printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"build_s\": %.4f, \"light_s\": "
          "%.4f, "
          "\"rms\": %.3g, \"p95\": %.3g, \"worst\": %.3g, \"peak_rss_mb\": %.1f}\n",
-         (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "automatic", o->threads,
+         (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads,
          stats.build_s, stats.light_s, errors.rms, errors.p95, errors.worst, rss_mb);
   return 0;
 }

@@ -23,7 +23,7 @@ static const char USAGE[] =
     "  --width W --height H   default 960 x 540, of reference and image 96 x 96, of image\n"
     "                   --scene plume 768 x 768\n"
     "lighting: time and errors of the transmittance\n"
-    "  --solver automatic|exact, --sample N (particles checked by brute force, default 256)\n"
+    "  --solver automatic|exact|sweep, --sample N (particles checked by brute force, default 256)\n"
     "frame: time of a picture\n"
     "  --depth (Depth pass as well), --exr FILE\n"
     "reference: the same picture by brute force\n"
@@ -97,7 +97,7 @@ static bool parse_number(options *o, const char *name, const char *value) {
 }
 
 static bool parse_option(options *o, const char *name, const char *value) {
-  static const char *const solvers[] = {"automatic", "exact"}, *const devices[] = {"auto", "gl", "tiles"};
+  static const char *const solvers[] = {"automatic", "exact", "sweep"}, *const devices[] = {"auto", "gl", "tiles"};
   const char **text = strcmp(name, "--file") == 0    ? &o->file
                       : strcmp(name, "--light") == 0 ? &o->light
                       : strcmp(name, "--exr") == 0   ? &o->exr
@@ -107,7 +107,7 @@ static bool parse_option(options *o, const char *name, const char *value) {
     *text = value;
     return true;
   }
-  if (strcmp(name, "--solver") == 0) return parse_choice(value, solvers, 2, &o->settings.solver);
+  if (strcmp(name, "--solver") == 0) return parse_choice(value, solvers, 3, &o->settings.solver);
   if (strcmp(name, "--device") == 0) return parse_choice(value, devices, 3, &o->settings.device);
   return parse_number(o, name, value);
 }

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* A light's view of smoke and receivers, cut into patches that are worked on one by one: each has a plane of its own
+ * that faces the light, so that footprints are right at every angle, and lists of the casters that reach into it and of
+ * the receivers in it. */
+#ifndef FUM_LIGHTING_SWEEP_PATCHES_H
+#define FUM_LIGHTING_SWEEP_PATCHES_H
+
+#include "lighting/emitter.h"
+#include "lighting/medium.h"
+#include "lighting/receivers.h"
+
+/* A plane before the light: of all the light's view where that is narrow or parallel, else a side of a cube. */
+typedef struct fum_sweep_face {
+  fum_vec3 right, up, axis; /* unit; the axis points away from the light */
+  float offset[3];          /* of the middle of the casters from the light, along them */
+  float lower[2], upper[2]; /* window: in tangents, of a parallel light in m */
+  int32_t columns, rows;    /* of patches */
+  int64_t first_patch;
+} fum_sweep_face;
+
+enum { FUM_SWEEP_FACES = 6 };
+
+/* How a light is looked from: casters and receivers are points relative to `middle`. */
+typedef struct fum_sweep_view {
+  bool is_parallel;
+  fum_vec3 middle;          /* of the casters, local space */
+  double to_middle[3];      /* from the light */
+  double nearest, farthest; /* of the casters' centres, from the light */
+  double reference;         /* distance at which ranges are 0; it grows with the logarithm
+                               of the distance: 2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - r) / (d + r) */
+  int32_t face_count;
+  fum_sweep_face faces[FUM_SWEEP_FACES];
+} fum_sweep_view;
+
+/* Casters whose sigmas, as seen from the light, are alike: they share a grid. */
+typedef struct fum_sweep_level {
+  float smallest, largest; /* sigmas, in tangents or m; casters from smallest on and below largest */
+  float cell;              /* between grid lines, in the same unit */
+  float slab;              /* between faces, in ranges */
+  float first;             /* range of face 0 */
+  int32_t slab_count;
+} fum_sweep_level;
+
+typedef struct fum_sweep_patches {
+  int64_t count;
+  int64_t *caster_begins, *receiver_begins; /* [count + 1] */
+  uint32_t *casters, *receivers;            /* places in their octrees' order */
+} fum_sweep_patches;
+
+/* Sigmas over which a caster is put into the grid. */
+static const float FUM_SWEEP_REACH = 3.2F;
+
+/* Grid lines around a point that it is read from, and one for rounding. */
+static const float FUM_SWEEP_MARGIN = 3.0F;
+
+/* Places the light, finds out how the casters are seen. False if a caster is so large or near that its shadow isn't a
+ * footprint, or there are none. */
+bool fum_sweep_view_find(const fum_medium *medium, const fum_emitter *emitter, fum_sweep_view *out_view);
+
+/* Sigma of a caster as seen from the light. */
+float fum_sweep_sigma(const fum_sweep_view *view, const fum_octree *casters, int64_t i, float sigma_scale);
+
+/* Lays the patches of a level over the view's faces. False if they would be too many. */
+bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count);
+
+int32_t fum_sweep_sort(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
+                       const uint8_t *is_lit, const fum_sweep_view *view, const fum_sweep_level *level,
+                       fum_sweep_patches *patches);
+void fum_sweep_patches_free(fum_context *context, fum_sweep_patches *patches);
+
+#endif
