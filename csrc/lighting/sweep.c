@@ -17,7 +17,7 @@ fum_sweep_fn fum_sweep_get(void) {
 
 /* A level's sigmas in steps of its grid, from the smallest to the largest; more would not fit the block that is written
  * at once. */
-static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 2.3F;
+static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.8F;
 
 enum { BINS = 512, MOST_LEVELS = 12 };
 
@@ -75,10 +75,8 @@ static double range_of(const fum_sweep_view *view, double distance) {
 
 /* Slabs from before the first caster to behind the last. */
 static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, fum_sweep_level *level) {
-  /* Steps along the rays: at the reference a slab is as long as a cell is wide; elsewhere in a perspective view
-   * up to a third longer. */
-  const double shorter = view->is_parallel ? 1.0 : 0.75;
-  level->slab = (float)(shorter * (double)level->cell);
+  /* As long as cells are wide, but far from the reference, where ranges grow more slowly than distances. */
+  level->slab = level->cell;
   double from = INFINITY, to = -INFINITY;
   if (view->is_parallel) {
     const fum_octree_node *root = &fum_medium_casters(medium)->nodes[0];
@@ -91,9 +89,10 @@ static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, fum_
     from = range_of(view, view->nearest);
     to = range_of(view, view->farthest);
   }
-  const double reach = 2.0 + 1.5 * (double)(FUM_SWEEP_REACH * MOST_SIGMA) / shorter;
+  const double reach = 4.0 + (double)(FUM_SWEEP_REACH * MOST_SIGMA);
   level->first = (float)(from - (reach + 1.0) * (double)level->slab);
-  level->slab_count = (int32_t)fmin(1e8, ceil((to - (double)level->first) / (double)level->slab + reach) + 3.0);
+  const double slabs = ceil((to - (double)level->first) / (double)level->slab + reach);
+  level->slab_count = 2 * (int32_t)fmin(1e8, ceil(0.5 * slabs));
 }
 
 static int32_t sweep_level(fum_context *context, const fum_sweep_job *job, const float progress[2]) {

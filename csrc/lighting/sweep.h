@@ -23,8 +23,7 @@ typedef struct fum_sweep_job {
 } fum_sweep_job;
 
 typedef enum fum_sweep_buffer {
-  FUM_SWEEP_SLABS,
-  FUM_SWEEP_BUFFERS,
+  FUM_SWEEP_LINES,
   FUM_SWEEP_FOOTPRINTS,
   FUM_SWEEP_PLACES,
   FUM_SWEEP_CASTER_SLABS,

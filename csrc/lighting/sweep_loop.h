@@ -7,17 +7,19 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Columns are written sixteen at once, whatever the instruction set: every set must write the same cells. */
-enum { BLOCK = 16, MOST_ROWS = 20, MOST_FACES = 32, KEPT = 4, FACE_BUFFERS = KEPT + 1 };
+/* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
+ * faces are open at once; two slabs are worked on at a time. */
+enum { FACES = 16, BATCH = 2, MOST_ROWS = 16, MOST_COLUMNS = 16, MOST_SPAN = FACES - 2 * BATCH };
 
 /* A caster in its patch. */
 typedef struct footprint {
   float column, row;          /* of its centre, in cells */
   float u, v;                 /* the same in the patch's window */
-  float falloff;              /* log2 of its Gaussian: -falloff d^2, d in tangents or m across the ray */
-  float optical_depth;        /* at its centre, widened cells undone */
+  float squared_cosine;       /* between its ray and the axis */
+  float falloff;              /* its Gaussian is 2^(-falloff d^2), d across the ray in tangents or m */
+  float optical_depth;        /* at its centre */
   float reach;                /* in cells */
-  float range, inverse_sigma; /* in slabs; of what is left when cells are undone */
+  float range, inverse_sigma; /* in slabs */
   int32_t first, last;        /* slabs that it reaches into */
 } footprint;
 
@@ -26,11 +28,9 @@ typedef struct patch {
   fum_vec3 right, up, axis;
   float offset[3];
   float lower[2]; /* window of grid line 0 */
-  int32_t columns, rows, stride;
-  int64_t size;       /* floats of a grid */
-  float *slabs;       /* [MOST_FACES][size] what casters add to slab s, at s % MOST_FACES; 0 where there is nothing */
-  float *faces[KEPT]; /* optical depth in front of face f, at f % KEPT */
-  float *buffers;     /* [FACE_BUFFERS][size] where those are */
+  int32_t columns, rows;
+  float *lines; /* [rows][columns][FACES] optical depth in front of faces */
+  int32_t open; /* the first face that is open; FACES are */
 } patch;
 
 /* Corner of the patch on its face, as a direction from the light or a place across a parallel one. */
@@ -58,14 +58,13 @@ static void turn(patch *p, const fum_sweep_face *face, const float ends[4]) {
     p->offset[k] = (float)(o[0] * (double)axes[k].x + o[1] * (double)axes[k].y + o[2] * (double)axes[k].z);
 }
 
-/* Room for `bytes`, zeroed when it is new. */
+/* Room for `bytes`. */
 static void *reserve(fum_sweep_scratch *s, fum_sweep_buffer which, int64_t bytes) {
   if (bytes > s->sizes[which]) {
     const size_t size = ((size_t)bytes + 63) / 64 * 64;
     free(s->buffers[which]);
     s->buffers[which] = aligned_alloc(64, size);
     s->sizes[which] = s->buffers[which] != NULL ? (int64_t)size : 0;
-    if (s->buffers[which] != NULL) memset(s->buffers[which], 0, size);
   }
   s->is_out_of_memory = s->is_out_of_memory || s->buffers[which] == NULL;
   return s->buffers[which];
@@ -100,8 +99,6 @@ static void lay_patch(patch *p, int64_t index) {
     p->lower[axis] = lower[axis] - FUM_SWEEP_MARGIN * cell;
   p->columns = (int32_t)((upper[0] - p->lower[0]) / cell + FUM_SWEEP_MARGIN) + 1;
   p->rows = (int32_t)((upper[1] - p->lower[1]) / cell + FUM_SWEEP_MARGIN) + 1;
-  p->stride = (p->columns + 2 * BLOCK - 1) / BLOCK * BLOCK;
-  p->size = (int64_t)p->stride * p->rows;
 }
 
 /* Where a point is in the patch: window and range. */
@@ -151,6 +148,7 @@ static footprint find_footprint(const patch *p, uint32_t i) {
                  .row = (at.v - p->lower[1]) / level->cell,
                  .u = at.u,
                  .v = at.v,
+                 .squared_cosine = squared,
                  .falloff = 0.72134752F * at.depth * at.depth / narrow,
                  .optical_depth = casters->optical_depths[i] * p->job->depth_scale * (variance / narrow),
                  .reach = FUM_SWEEP_REACH * sqrtf(narrow / squared) / step,
@@ -158,70 +156,67 @@ static footprint find_footprint(const patch *p, uint32_t i) {
                  .inverse_sigma = 1.0F / narrow_along};
   f.optical_depth *= 1.00275F; /* for what lies beyond the reach, 1 / erf(3.2 / sqrt(2))^2 */
   const float reach = FUM_SWEEP_REACH * narrow_along;
-  f.first = (int32_t)(f.range - reach);
+  f.first = (int32_t)fmaxf(f.range - reach, 0.0F);
   f.last = (int32_t)(f.range + reach);
-  f.first = f.first < 0 ? 0 : f.first;
-  f.last = f.last < f.first + MOST_FACES - 1 ? f.last : f.first + MOST_FACES - 1;
+  f.last = f.last < f.first + MOST_SPAN ? f.last : f.first + MOST_SPAN - 1;
   return f;
 }
 
-/* Share of a caster in each of its slabs. */
-static void find_shares(const footprint *f, float *shares) {
-  static const float numbers[MOST_FACES] = {1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15, 16,
-                                            17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32};
-  const int32_t count = f->last - f->first + 1;
-  float up_to[MOST_FACES];
-  for (int32_t k = 0; k < count; k += FUM_LANES) {
-    const fum_vf z = (fum_vf_load(numbers + k) + ((float)f->first - f->range)) * f->inverse_sigma;
-    const fum_vf tail = fum_vf_normal_tail(fum_vf_abs(z));
-    fum_vf_store(up_to + k, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
+static const float NUMBERS[FACES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+/* Share of a caster in front of each open face, as a line. */
+static void find_line(const patch *p, const footprint *f, float line[FACES]) {
+  for (int32_t k = 0; k < FACES; k += FUM_LANES) {
+    const fum_vf lane = fum_vf_load(NUMBERS + k), turned = lane - (float)(p->open & (FACES - 1));
+    const fum_vf face =
+        (float)p->open + turned + fum_vf_select(turned < 0.0F, fum_vf_set((float)FACES), fum_vf_set(0.0F));
+    const fum_vf z = (face - f->range) * f->inverse_sigma;
+    const fum_vf tail = fum_vf_normal_tail(fum_vf_abs(z)), share = fum_vf_select(z > 0.0F, 1.0F - tail, tail);
+    const fum_vf begun = fum_vf_select(face > (float)f->first, share, fum_vf_set(0.0F));
+    fum_vf_store(line + k, fum_vf_select(face > (float)f->last, fum_vf_set(1.0F), begun));
   }
-  up_to[count - 1] = 1.0F;
-  shares[0] = up_to[0];
-  for (int32_t k = 1; k < count; k++)
-    shares[k] = up_to[k] - up_to[k - 1];
 }
 
-static float *slab_grid(const patch *p, int32_t slab) {
-  return p->slabs + slab % MOST_FACES * p->size;
-}
-
-/* Adds a caster to the slabs that it reaches into. */
-static void deposit(const patch *p, const footprint *f) {
-  static const float numbers[BLOCK] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-  const float cell = p->job->level->cell;
-  const bool is_parallel = p->job->view->is_parallel;
-  float gauss[MOST_ROWS * BLOCK], shares[MOST_FACES];
-  int32_t y0 = (int32_t)ceilf(f->row - f->reach), y1 = (int32_t)floorf(f->row + f->reach);
-  int32_t x0 = (int32_t)ceilf(f->column - f->reach), x1 = (int32_t)floorf(f->column + f->reach);
-  y0 = y0 < 0 ? 0 : y0;
-  y1 = y1 < p->rows ? y1 : p->rows - 1;
-  y1 = y1 < y0 + MOST_ROWS ? y1 : y0 + MOST_ROWS - 1;
-  x0 = x0 < 0 ? 0 : x0;
-  if (y0 > y1 || x0 >= p->columns || x1 < 0) return;
-  const float inverse = is_parallel ? 1.0F : 1.0F / (1.0F + f->u * f->u + f->v * f->v);
-  for (int32_t y = y0; y <= y1; y++) {
-    const float e2 = ((float)y - f->row) * cell;
-    for (int32_t k = 0; k < BLOCK; k += FUM_LANES) {
-      const fum_vf e1 = (fum_vf_load(numbers + k) + ((float)x0 - f->column)) * cell;
-      fum_vf squared = e1 * e1 + e2 * e2;
-      if (!is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series around the centre */
-        const fum_vf e3 = e2 * f->u - e1 * f->v;
-        const fum_vf grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
-        squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
-      }
-      fum_vf_store(gauss + (y - y0) * BLOCK + k, f->optical_depth * fum_vf_exp2(squared * -f->falloff));
+/* A row of a caster's footprint, from column `x` on. */
+static void find_row(const patch *p, const footprint *f, int32_t x, int32_t y, float row[MOST_COLUMNS]) {
+  const float cell = p->job->level->cell, e2 = ((float)y - f->row) * cell;
+  for (int32_t k = 0; k < MOST_COLUMNS; k += FUM_LANES) {
+    const fum_vf e1 = (fum_vf_load(NUMBERS + k) + ((float)x - f->column)) * cell;
+    fum_vf squared = e1 * e1 + e2 * e2;
+    if (!p->job->view->is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series */
+      const float inverse = f->squared_cosine;
+      const fum_vf e3 = e2 * f->u - e1 * f->v, grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
+      squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
     }
+    fum_vf_store(row + k, f->optical_depth * fum_vf_exp2(squared * -f->falloff));
   }
-  find_shares(f, shares);
-  for (int32_t slab = f->first; slab <= f->last; slab++) {
-    const float share = shares[slab - f->first];
-    float *grid = slab_grid(p, slab) + (int64_t)y0 * p->stride + x0;
-    for (int32_t y = 0; y <= y1 - y0; y++) {
-      for (int32_t k = 0; k < BLOCK; k += FUM_LANES) {
-        float *at = grid + (int64_t)y * p->stride + k;
-        fum_vf_store(at, fum_vf_load(at) + share * fum_vf_load(gauss + y * BLOCK + k));
-      }
+}
+
+static int32_t at_least(float value, int32_t least) {
+  return value > (float)least ? (int32_t)ceilf(value) : least;
+}
+
+static int32_t at_most(float value, int32_t most) {
+  return value < (float)most ? (int32_t)floorf(value) : most;
+}
+
+/* Adds a caster to the cells that it covers. */
+static void deposit(const patch *p, const footprint *f) {
+  float line[FACES], row[MOST_COLUMNS];
+  fum_vf shares[FACES / FUM_LANES];
+  const int32_t y0 = at_least(f->row - f->reach, 0), y1 = at_most(f->row + f->reach, p->rows - 1);
+  find_line(p, f, line);
+  for (int32_t k = 0; k < FACES / FUM_LANES; k++)
+    shares[k] = fum_vf_load(line + k * FUM_LANES);
+  for (int32_t y = y0; y <= y1; y++) {
+    const float dy = (float)y - f->row, half = sqrtf(f->reach * f->reach - dy * dy);
+    const int32_t x0 = at_least(f->column - half, 0), x1 = at_most(f->column + half, p->columns - 1);
+    if (x0 > x1) continue;
+    find_row(p, f, x0, y, row);
+    float *at = p->lines + ((int64_t)y * p->columns + x0) * FACES;
+    for (int32_t x = 0; x <= x1 - x0; x++, at += FACES) {
+      for (int32_t k = 0; k < FACES / FUM_LANES; k++)
+        fum_vf_store(at + k * FUM_LANES, fum_vf_load(at + k * FUM_LANES) + row[x] * shares[k]);
     }
   }
 }
@@ -234,28 +229,31 @@ static void spline(float t, float weights[4]) {
   weights[3] = t * t * t * sixth;
 }
 
-typedef float four __attribute__((vector_size(16)));
-
-/* Optical depth in front of a receiver in slab `slab`: from the four faces around it, kept at face % KEPT. */
+/* Optical depth in front of a receiver in slab `slab`: from the four faces around it. */
 static float read_depth(const patch *p, const place *at, int32_t slab) {
-  const float cell = p->job->level->cell, range = at->range - (float)slab;
+  const float cell = p->job->level->cell;
   const float column = (at->u - p->lower[0]) / cell, row = (at->v - p->lower[1]) / cell;
   const int32_t x = (int32_t)column, y = (int32_t)row;
-  float across[4], up[4], along[4];
-  four sum = {0};
+  float across[4], up[4], along[4], line[FACES] = {0.0F};
+  fum_vf sums[FACES / FUM_LANES] = {{0}};
   if (x < 1 || y < 1 || x + 2 >= p->columns || y + 2 >= p->rows) return 0.0F;
   spline(column - (float)x, across);
   spline(row - (float)y, up);
-  spline(range < 1.0F ? range : 1.0F, along);
-  for (int32_t k = 0; k < 4; k++) {
-    const float *grid = p->faces[(slab - 1 + k) % KEPT] + (int64_t)(y - 1) * p->stride + x - 1;
-    for (int32_t r = 0; r < 4; r++) {
-      four taps;
-      memcpy(&taps, grid + (int64_t)r * p->stride, sizeof taps);
-      sum += taps * (along[k] * up[r]);
+  spline(at->range - (float)slab, along);
+  for (int32_t k = 0; k < 4; k++)
+    line[(slab - 1 + k) & (FACES - 1)] = along[k];
+  for (int32_t r = 0; r < 4; r++) {
+    const float *taps = p->lines + ((int64_t)(y - 1 + r) * p->columns + x - 1) * FACES;
+    for (int32_t c = 0; c < 4; c++) {
+      const float weight = up[r] * across[c];
+      for (int32_t k = 0; k < FACES / FUM_LANES; k++)
+        sums[k] += weight * fum_vf_load(taps + c * FACES + k * FUM_LANES);
     }
   }
-  return sum[0] * across[0] + sum[1] * across[1] + sum[2] * across[2] + sum[3] * across[3];
+  fum_vf depth = {0};
+  for (int32_t k = 0; k < FACES / FUM_LANES; k++)
+    depth += sums[k] * fum_vf_load(line + k * FUM_LANES);
+  return fum_vf_sum(depth);
 }
 
 /* Things to be done at slabs, in the order of these. */
@@ -279,45 +277,35 @@ static void sort_agenda(int64_t count, int32_t slab_count, agenda *a) {
   a->begins[0] = 0;
 }
 
-static float *free_buffer(const patch *p) {
-  for (int n = 0; n < FACE_BUFFERS; n++) {
-    float *buffer = p->buffers + n * p->size;
-    bool is_free = true;
-    for (int k = 0; k < KEPT; k++)
-      is_free = is_free && p->faces[k] != buffer;
-    if (is_free) return buffer;
+/* Opens BATCH faces more, behind all casters so far, in the place of the first ones. */
+static void advance(patch *p) {
+  const int32_t last = (p->open - 1) & (FACES - 1), first = p->open & (FACES - 1);
+  const int64_t size = (int64_t)p->rows * p->columns * FACES;
+  for (int64_t i = 0; i < size; i += FACES) {
+    for (int32_t k = 0; k < BATCH; k++)
+      p->lines[i + first + k] = p->lines[i + last];
   }
-  return p->buffers;
-}
-
-/* The face behind a slab: that before it and what the slab holds, which is cleared. */
-static void advance(patch *p, int32_t slab, bool is_touched) {
-  const float *before = p->faces[slab % KEPT];
-  p->faces[(slab + 1) % KEPT] = p->faces[slab % KEPT];
-  if (!is_touched) return;
-  float *behind = free_buffer(p), *held = slab_grid(p, slab);
-  for (int64_t i = 0; i < p->size; i += FUM_LANES)
-    fum_vf_store(behind + i, fum_vf_load(before + i) + fum_vf_load(held + i));
-  memset(held, 0, (size_t)p->size * sizeof *held);
-  p->faces[(slab + 1) % KEPT] = behind;
+  p->open += BATCH;
 }
 
 /* From the light outwards: casters are added at the first slab that they reach into; receivers are read as soon as the
- * two faces behind them are known. */
+ * two faces behind them are known, while the one before is still open. */
 static void sweep_patch(patch *p, const footprint *footprints, const agenda *casters, const place *places,
                         const agenda *receivers, const uint32_t *indices) {
-  int32_t touched_end = 0;
-  for (int32_t slab = 0; slab < p->job->level->slab_count; slab++) {
-    for (uint32_t n = casters->begins[slab]; n < casters->begins[slab + 1]; n++) {
-      const footprint *f = &footprints[casters->order[n]];
-      deposit(p, f);
-      touched_end = f->last + 1 > touched_end ? f->last + 1 : touched_end;
-    }
-    advance(p, slab, slab < touched_end);
-    for (uint32_t n = receivers->begins[slab]; n < receivers->begins[slab + 1]; n++) {
-      const uint32_t i = receivers->order[n];
-      const float depth = read_depth(p, &places[i], slab - 1);
+  const int32_t end = p->job->level->slab_count;
+  uint32_t added = 0, read = 0;
+  for (int32_t slab = 0; slab < end; slab += BATCH) {
+    for (; added < casters->begins[slab + BATCH]; added++)
+      deposit(p, &footprints[casters->order[added]]);
+    for (; read < receivers->begins[slab + BATCH]; read++) {
+      const uint32_t i = receivers->order[read];
+      const float depth = read_depth(p, &places[i], (int32_t)places[i].range);
       p->job->depths[indices[i]] += depth > 0.0F ? depth : 0.0F;
+    }
+    if (added > 0) {
+      advance(p);
+    } else {
+      p->open += BATCH;
     }
   }
 }
@@ -332,10 +320,10 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   if (casters == 0 || receivers == 0) return;
   patch p = {.job = job};
   lay_patch(&p, index);
-  const int64_t grid_bytes = p.size * (int64_t)sizeof(float),
-                begins_bytes = (slab_count + 1) * (int64_t)sizeof(uint32_t);
-  p.slabs = reserve(scratch, FUM_SWEEP_SLABS, MOST_FACES * grid_bytes);
-  p.buffers = reserve(scratch, FUM_SWEEP_BUFFERS, FACE_BUFFERS * grid_bytes);
+  const int64_t bytes = (int64_t)p.rows * p.columns * FACES * (int64_t)sizeof(float);
+  const int64_t begins_bytes = (slab_count + 1) * (int64_t)sizeof(uint32_t);
+  p.lines = reserve(scratch, FUM_SWEEP_LINES, bytes);
+  p.open = -BATCH;
   footprint *footprints = reserve(scratch, FUM_SWEEP_FOOTPRINTS, casters * (int64_t)sizeof *footprints);
   place *places = reserve(scratch, FUM_SWEEP_PLACES, receivers * (int64_t)sizeof *places);
   agenda to_add = {reserve(scratch, FUM_SWEEP_CASTER_SLABS, casters * (int64_t)sizeof(int32_t)),
@@ -347,21 +335,16 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   if (scratch->is_out_of_memory) return;
   for (int64_t k = 0; k < casters; k++) {
     footprints[k] = find_footprint(&p, caster_list[k]);
-    footprints[k].last = footprints[k].last < slab_count ? footprints[k].last : slab_count - 1;
-    footprints[k].first = footprints[k].first < footprints[k].last ? footprints[k].first : footprints[k].last;
     to_add.slabs[k] = footprints[k].first;
   }
   for (int64_t k = 0; k < receivers; k++) {
     places[k] = find_place(&p, job->points, receiver_list[k]);
-    const float range = places[k].range < 1.0F ? 1.0F : places[k].range;
-    const float last = (float)(slab_count - 2);
-    places[k].range = range < last ? range : last;
+    const float first = 1.0F, last = (float)(slab_count - 2);
+    places[k].range = places[k].range < first ? first : places[k].range < last ? places[k].range : last;
     to_read.slabs[k] = (int32_t)places[k].range + 1;
   }
   sort_agenda(casters, slab_count, &to_add);
   sort_agenda(receivers, slab_count, &to_read);
-  memset(p.buffers, 0, (size_t)grid_bytes);
-  for (int k = 0; k < KEPT; k++)
-    p.faces[k] = p.buffers;
+  memset(p.lines, 0, (size_t)bytes);
   sweep_patch(&p, footprints, &to_add, places, &to_read, receiver_list);
 }
