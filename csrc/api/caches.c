@@ -64,7 +64,7 @@ done:
   return status;
 }
 
-int32_t fum_caches_lay_medium(fum_scene *scene, const fum_settings *settings, float error) {
+int32_t fum_caches_find_medium(fum_scene *scene, const fum_settings *settings, float error) {
   fum_caches *caches = scene->caches;
   fum_medium medium = {.octree = caches->density,
                        .sigma_scale = settings->intersection_scale,
@@ -72,12 +72,11 @@ int32_t fum_caches_lay_medium(fum_scene *scene, const fum_settings *settings, fl
                        .depth_limit = -logf(error)};
   const fum_medium *old = &caches->medium;
   if (old->octree == medium.octree && old->sigma_scale == medium.sigma_scale &&
-      old->depth_scale == medium.depth_scale && caches->medium_error == error)
+      old->depth_scale == medium.depth_scale && old->error == error)
     return FUM_OK;
   drop_medium(scene->context, caches);
   const int32_t status = fum_medium_begin(scene->context, error, &medium);
   if (status != FUM_OK) return status;
   caches->medium = medium;
-  caches->medium_error = error;
   return FUM_OK;
 }

@@ -17,18 +17,18 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
   fum_context *context = scene->context;
   const float error = 0.5F * fum_transmittance_error(settings);
   fum_lighting lighting = {0};
-  int32_t status = fum_caches_lay_medium(scene, settings, error);
+  int32_t status = fum_caches_find_medium(scene, settings, error);
   if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
   if (status != FUM_OK) {
     fum_lighting_end(context, &lighting);
     return status;
   }
-  lighting.medium = scene->caches->medium;
+  lighting.medium = &scene->caches->medium;
   *out_lighting = lighting;
   out_lighting->solver.wanted = settings->solver;
   out_lighting->gathering = (fum_gathering){.context = context,
                                             .solver = &out_lighting->solver,
-                                            .medium = &out_lighting->medium,
+                                            .medium = out_lighting->medium,
                                             .solids = scene->caches->solids,
                                             .solid_shadow_intensity = settings->solid_shadow_intensity,
                                             .receivers = &out_lighting->receivers};

@@ -7,7 +7,7 @@
 #include "lighting/gather.h"
 
 typedef struct fum_lighting {
-  fum_medium medium; /* the caches' */
+  fum_medium *medium; /* the caches' */
   fum_receivers receivers;
   fum_lamp *lamps; /* [light_count] */
   fum_solver solver;

@@ -76,6 +76,21 @@ static inline fum_vf fum_vf_abs(fum_vf v) {
   return (fum_vf)((fum_vi)v & 0x7fffffff);
 }
 
+static inline fum_vf fum_vf_sqrt(fum_vf v) {
+#if defined(__AVX512F__) && FUM_LANES == 16
+  return (fum_vf)_mm512_sqrt_ps((__m512)v);
+#elif defined(__AVX2__) && FUM_LANES == 8
+  return (fum_vf)_mm256_sqrt_ps((__m256)v);
+#elif defined(__x86_64__) && FUM_LANES == 4
+  return (fum_vf)_mm_sqrt_ps((__m128)v);
+#else
+  fum_vf roots;
+  for (int lane = 0; lane < FUM_LANES; lane++)
+    roots[lane] = __builtin_sqrtf(v[lane]);
+  return roots;
+#endif
+}
+
 /* 2^x for x <= 0 within 2e-7 relative; 0 below -126. Rounding by a large constant leaves the integer in the low bits;
  * the polynomial is 2^f on [-1/2, 1/2] (Chebyshev fit). */
 static inline fum_vf fum_vf_exp2(fum_vf x) {

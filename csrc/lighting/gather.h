@@ -27,7 +27,7 @@ fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point)
 typedef struct fum_gathering {
   fum_context *context;
   fum_solver *solver;
-  const fum_medium *medium;
+  fum_medium *medium;
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */
   const fum_receivers *receivers;

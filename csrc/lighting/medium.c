@@ -165,23 +165,40 @@ static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *me
 }
 
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium) {
-  const char *what = "runs of particles";
-  const int64_t node_count = medium->octree->node_count;
   const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
+  medium->error = transmittance_error;
+  return fum_octree_merge(context, medium->octree, &merging, &medium->merged);
+}
+
+static void free_runs(fum_context *context, fum_medium *medium) {
+  fum_free(context, &medium->runs);
+  fum_free(context, &medium->spheres.x);
+  fum_free(context, &medium->spheres.y);
+  fum_free(context, &medium->spheres.z);
+  fum_free(context, &medium->spheres.hearing);
+  fum_free(context, &medium->spheres.clear);
+  fum_free(context, &medium->first_runs);
+  fum_free(context, &medium->reaches);
+}
+
+int32_t fum_medium_lay_runs(fum_context *context, fum_medium *medium) {
+  const char *what = "runs of particles";
+  const fum_octree *casters = fum_medium_casters(medium);
+  const int64_t node_count = casters->node_count;
   uint8_t *is_cut = NULL, *is_below = NULL;
   uint32_t *order = NULL;
-  int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
-  if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
+  if (medium->runs != NULL) return FUM_OK;
+  int32_t status = fum_alloc(context, node_count, sizeof *is_cut, what, &is_cut);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *is_below, what, &is_below);
-  if (status == FUM_OK) status = fum_alloc(context, fum_medium_casters(medium)->count, sizeof *order, what, &order);
+  if (status == FUM_OK) status = fum_alloc(context, casters->count, sizeof *order, what, &order);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->first_runs, what, &medium->first_runs);
   if (status == FUM_OK) status = fum_alloc(context, node_count, sizeof *medium->reaches, what, &medium->reaches);
   if (status != FUM_OK) goto done;
-  const int64_t count = number_runs(fum_medium_casters(medium), is_cut, is_below, medium->first_runs);
+  const int64_t count = number_runs(casters, is_cut, is_below, medium->first_runs);
   status = allocate_runs(context, count, medium);
-  if (status == FUM_OK) status = lay_runs(context, transmittance_error, is_cut, order, medium);
+  if (status == FUM_OK) status = lay_runs(context, medium->error, is_cut, order, medium);
 done:
-  if (status != FUM_OK) fum_medium_end(context, medium);
+  if (status != FUM_OK) free_runs(context, medium);
   fum_free(context, &order);
   fum_free(context, &is_below);
   fum_free(context, &is_cut);
@@ -191,12 +208,5 @@ done:
 void fum_medium_end(fum_context *context, fum_medium *medium) {
   fum_octree_destroy(context, medium->merged);
   medium->merged = NULL;
-  fum_free(context, &medium->runs);
-  fum_free(context, &medium->spheres.x);
-  fum_free(context, &medium->spheres.y);
-  fum_free(context, &medium->spheres.z);
-  fum_free(context, &medium->spheres.hearing);
-  fum_free(context, &medium->spheres.clear);
-  fum_free(context, &medium->first_runs);
-  fum_free(context, &medium->reaches);
+  free_runs(context, medium);
 }

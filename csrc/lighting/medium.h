@@ -15,7 +15,8 @@ typedef struct fum_medium {
   float sigma_scale;        /* intersection test size */
   float depth_scale;        /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
   float depth_limit;        /* optical depth above which a receiver counts as dark: the walk ends early */
-  fum_run *runs;
+  float error;              /* of the transmittance, that what is left out may cause */
+  fum_run *runs;            /* NULL: not laid out yet */
   fum_spheres spheres;
   uint32_t *first_runs; /* [node_count] of nodes that were cut */
   float *reaches;       /* [node_count] m, as of fum_reach_find, for runs instead of leaves */
@@ -26,9 +27,12 @@ static inline const fum_octree *fum_medium_casters(const fum_medium *medium) {
   return medium->merged != NULL ? medium->merged : medium->octree;
 }
 
-/* Lays out the runs of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost by
- * not hearing far particles, and half as much again by merging close ones. */
+/* Merges close particles of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost
+ * by not hearing far particles, and half as much again by merging. */
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium);
+
+/* Lays out the runs, unless they are there. */
+int32_t fum_medium_lay_runs(fum_context *context, fum_medium *medium);
 void fum_medium_end(fum_context *context, fum_medium *medium);
 
 #endif

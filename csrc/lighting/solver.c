@@ -3,9 +3,9 @@
 
 #include "lighting/sweep.h"
 
-int32_t fum_solver_solve(fum_context *context, fum_solver *solver, const fum_medium *medium,
-                         const fum_receivers *receivers, const fum_emitter *emitter, const uint8_t *is_lit,
-                         const float progress[2], float *out_depths) {
+int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
+                         const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2],
+                         float *out_depths) {
   bool is_solved = false;
   if (solver->wanted == FUM_SOLVER_SWEEP) {
     const int32_t status =

@@ -11,8 +11,7 @@ typedef struct fum_solver {
 } fum_solver;
 
 /* As fum_exact_solve. What a sweep can't do is solved exactly, whatever was wanted. */
-int32_t fum_solver_solve(fum_context *context, fum_solver *solver, const fum_medium *medium,
-                         const fum_receivers *receivers, const fum_emitter *emitter, const uint8_t *is_lit,
-                         const float progress[2], float *out_depths);
+int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
+                         const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
 
 #endif

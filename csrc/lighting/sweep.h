@@ -25,7 +25,7 @@ typedef struct fum_sweep_job {
 typedef enum fum_sweep_buffer {
   FUM_SWEEP_LINES,
   FUM_SWEEP_FOOTPRINTS,
-  FUM_SWEEP_PLACES,
+  FUM_SWEEP_SPOTS,
   FUM_SWEEP_CASTER_SLABS,
   FUM_SWEEP_CASTER_BEGINS,
   FUM_SWEEP_CASTER_ORDER,

@@ -101,66 +101,7 @@ static void lay_patch(patch *p, int64_t index) {
   p->rows = (int32_t)((upper[1] - p->lower[1]) / cell + FUM_SWEEP_MARGIN) + 1;
 }
 
-/* Where a point is in the patch: window and range. */
-typedef struct place {
-  float u, v, depth, range; /* depth: along the axis; range in slabs */
-  float slabs_per_metre;
-} place;
-
-static place find_place(const patch *p, const fum_octree *points, uint32_t i) {
-  const fum_sweep_view *view = p->job->view;
-  const fum_sweep_level *level = p->job->level;
-  const fum_vec3 q = {points->x[i] - view->middle.x, points->y[i] - view->middle.y, points->z[i] - view->middle.z};
-  const float x = fum_dot(q, p->right) + p->offset[0], y = fum_dot(q, p->up) + p->offset[1];
-  const float along = fum_dot(q, p->axis), z = along + p->offset[2];
-  if (view->is_parallel) return (place){x, y, 1.0F, (along - level->first) / level->slab, 1.0F / level->slab};
-  const float reference = (float)view->reference, length = sqrtf(x * x + y * y + z * z);
-  /* length^2 - reference^2 without a difference of large numbers */
-  const float beyond = p->job->beyond +
-                       2.0F * (q.x * p->job->to_middle.x + q.y * p->job->to_middle.y + q.z * p->job->to_middle.z) +
-                       fum_dot(q, q);
-  const float sum = length + reference, share = beyond / (sum * sum), squared = share * share;
-  const float range = 2.0F * share * (1.0F + squared * (0.33333333F + squared * (0.2F + squared * 0.14285714F)));
-  const float slope = 4.0F * reference / (sum * sum) * (1.0F + squared * (1.0F + squared * (1.0F + squared)));
-  return (place){x / z, y / z, z, (range - level->first) / level->slab, slope / level->slab};
-}
-
-/* Grids are read with cubic B-splines, whose own variance is a third of a step: casters are put in narrower by as much,
- * and so are exact to fourth order, at a step as large as sigma. */
-static const float SPLINE_VARIANCE = 0.33333333F, LEAST_VARIANCE = 0.2F;
-
-static footprint find_footprint(const patch *p, uint32_t i) {
-  const fum_octree *casters = p->job->casters;
-  const fum_sweep_level *level = p->job->level;
-  const bool is_parallel = p->job->view->is_parallel;
-  const place at = find_place(p, casters, i);
-  const float sigma = p->job->sigma_scale / casters->inverse_sigmas[i], variance = sigma * sigma;
-  /* Squared cosine between the ray and the axis; how far apart grid lines are there, in m, averaged over directions. */
-  const float squared = is_parallel ? 1.0F : 1.0F / (1.0F + at.u * at.u + at.v * at.v);
-  const float step = level->cell * at.depth, spread = step * step * 0.5F * (1.0F + squared) * SPLINE_VARIANCE;
-  const float left = variance - spread, least = LEAST_VARIANCE * step * step;
-  const float narrow = left > least ? left : least;
-  const float along = sigma * at.slabs_per_metre, along_left = along * along - SPLINE_VARIANCE;
-  const float narrow_along = sqrtf(along_left > LEAST_VARIANCE ? along_left : LEAST_VARIANCE);
-  /* Rays that pass at a distance d come nearest to the centre d^2 / (2 distance) before it. */
-  const float bend = is_parallel ? 0.0F : variance * at.slabs_per_metre * sqrtf(squared) / at.depth;
-  footprint f = {.column = (at.u - p->lower[0]) / level->cell,
-                 .row = (at.v - p->lower[1]) / level->cell,
-                 .u = at.u,
-                 .v = at.v,
-                 .squared_cosine = squared,
-                 .falloff = 0.72134752F * at.depth * at.depth / narrow,
-                 .optical_depth = casters->optical_depths[i] * p->job->depth_scale * (variance / narrow),
-                 .reach = FUM_SWEEP_REACH * sqrtf(narrow / squared) / step,
-                 .range = at.range - bend,
-                 .inverse_sigma = 1.0F / narrow_along};
-  f.optical_depth *= 1.00275F; /* for what lies beyond the reach, 1 / erf(3.2 / sqrt(2))^2 */
-  const float reach = FUM_SWEEP_REACH * narrow_along;
-  f.first = (int32_t)fmaxf(f.range - reach, 0.0F);
-  f.last = (int32_t)(f.range + reach);
-  f.last = f.last < f.first + MOST_SPAN ? f.last : f.first + MOST_SPAN - 1;
-  return f;
-}
+#include "lighting/sweep_places.h"
 
 static const float NUMBERS[FACES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
@@ -229,16 +170,14 @@ static void spline(float t, float weights[4]) {
   weights[3] = t * t * t * sixth;
 }
 
-/* Optical depth in front of a receiver in slab `slab`: from the four faces around it. */
-static float read_depth(const patch *p, const place *at, int32_t slab) {
-  const float cell = p->job->level->cell;
-  const float column = (at->u - p->lower[0]) / cell, row = (at->v - p->lower[1]) / cell;
-  const int32_t x = (int32_t)column, y = (int32_t)row;
+/* Optical depth in front of a receiver, from the four faces around it. */
+static float read_depth(const patch *p, const spot *at) {
+  const int32_t x = (int32_t)at->column, y = (int32_t)at->row, slab = (int32_t)at->range;
   float across[4], up[4], along[4], line[FACES] = {0.0F};
   fum_vf sums[FACES / FUM_LANES] = {{0}};
   if (x < 1 || y < 1 || x + 2 >= p->columns || y + 2 >= p->rows) return 0.0F;
-  spline(column - (float)x, across);
-  spline(row - (float)y, up);
+  spline(at->column - (float)x, across);
+  spline(at->row - (float)y, up);
   spline(at->range - (float)slab, along);
   for (int32_t k = 0; k < 4; k++)
     line[(slab - 1 + k) & (FACES - 1)] = along[k];
@@ -290,7 +229,7 @@ static void advance(patch *p) {
 
 /* From the light outwards: casters are added at the first slab that they reach into; receivers are read as soon as the
  * two faces behind them are known, while the one before is still open. */
-static void sweep_patch(patch *p, const footprint *footprints, const agenda *casters, const place *places,
+static void sweep_patch(patch *p, const footprint *footprints, const agenda *casters, const spot *spots,
                         const agenda *receivers, const uint32_t *indices) {
   const int32_t end = p->job->level->slab_count;
   uint32_t added = 0, read = 0;
@@ -299,7 +238,7 @@ static void sweep_patch(patch *p, const footprint *footprints, const agenda *cas
       deposit(p, &footprints[casters->order[added]]);
     for (; read < receivers->begins[slab + BATCH]; read++) {
       const uint32_t i = receivers->order[read];
-      const float depth = read_depth(p, &places[i], (int32_t)places[i].range);
+      const float depth = read_depth(p, &spots[i]);
       p->job->depths[indices[i]] += depth > 0.0F ? depth : 0.0F;
     }
     if (added > 0) {
@@ -325,7 +264,7 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   p.lines = reserve(scratch, FUM_SWEEP_LINES, bytes);
   p.open = -BATCH;
   footprint *footprints = reserve(scratch, FUM_SWEEP_FOOTPRINTS, casters * (int64_t)sizeof *footprints);
-  place *places = reserve(scratch, FUM_SWEEP_PLACES, receivers * (int64_t)sizeof *places);
+  spot *spots = reserve(scratch, FUM_SWEEP_SPOTS, receivers * (int64_t)sizeof *spots);
   agenda to_add = {reserve(scratch, FUM_SWEEP_CASTER_SLABS, casters * (int64_t)sizeof(int32_t)),
                    reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins_bytes),
                    reserve(scratch, FUM_SWEEP_CASTER_ORDER, casters * (int64_t)sizeof(uint32_t))};
@@ -333,18 +272,21 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
                     reserve(scratch, FUM_SWEEP_RECEIVER_BEGINS, begins_bytes),
                     reserve(scratch, FUM_SWEEP_RECEIVER_ORDER, receivers * (int64_t)sizeof(uint32_t))};
   if (scratch->is_out_of_memory) return;
-  for (int64_t k = 0; k < casters; k++) {
-    footprints[k] = find_footprint(&p, caster_list[k]);
+  uint32_t indices[FUM_LANES];
+  for (int64_t k = 0; k < casters; k += FUM_LANES) {
+    const int32_t count = take_indices(caster_list, k, casters, indices);
+    find_footprints(&p, indices, count, footprints + k);
+  }
+  for (int64_t k = 0; k < receivers; k += FUM_LANES) {
+    const int32_t count = take_indices(receiver_list, k, receivers, indices);
+    find_spots(&p, indices, count, spots + k);
+  }
+  for (int64_t k = 0; k < casters; k++)
     to_add.slabs[k] = footprints[k].first;
-  }
-  for (int64_t k = 0; k < receivers; k++) {
-    places[k] = find_place(&p, job->points, receiver_list[k]);
-    const float first = 1.0F, last = (float)(slab_count - 2);
-    places[k].range = places[k].range < first ? first : places[k].range < last ? places[k].range : last;
-    to_read.slabs[k] = (int32_t)places[k].range + 1;
-  }
+  for (int64_t k = 0; k < receivers; k++)
+    to_read.slabs[k] = (int32_t)spots[k].range + 1;
   sort_agenda(casters, slab_count, &to_add);
   sort_agenda(receivers, slab_count, &to_read);
   memset(p.lines, 0, (size_t)bytes);
-  sweep_patch(&p, footprints, &to_add, places, &to_read, receiver_list);
+  sweep_patch(&p, footprints, &to_add, spots, &to_read, receiver_list);
 }

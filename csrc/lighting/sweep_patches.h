@@ -48,7 +48,7 @@ typedef struct fum_sweep_patches {
 } fum_sweep_patches;
 
 /* Sigmas over which a caster is put into the grid. */
-static const float FUM_SWEEP_REACH = 3.2F;
+static const float FUM_SWEEP_REACH = 2.8F;
 
 /* Grid lines around a point that it is read from, and one for rounding. */
 static const float FUM_SWEEP_MARGIN = 3.0F;

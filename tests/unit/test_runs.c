@@ -29,6 +29,7 @@ static smoke smoke_open(const puffs *p, int32_t leaf_size, float error) {
   assert_int_equal(fum_octree_build(s.stage.scene, &options, &s.octree), FUM_OK);
   s.medium = (fum_medium){.octree = s.octree, .sigma_scale = 1.0F, .depth_scale = 1.0F, .depth_limit = 20.0F};
   assert_int_equal(fum_medium_begin(s.stage.context, error, &s.medium), FUM_OK);
+  assert_int_equal(fum_medium_lay_runs(s.stage.context, &s.medium), FUM_OK);
   return s;
 }
 
