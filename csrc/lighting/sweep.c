@@ -19,55 +19,52 @@ fum_sweep_fn fum_sweep_get(void) {
  * at once. */
 static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.8F;
 
-enum { BINS = 512, MOST_LEVELS = 12 };
+enum { BINS_PER_OCTAVE = 32, MOST_OCTAVES = 24, BINS = BINS_PER_OCTAVE * MOST_OCTAVES, MOST_LEVELS = 12 };
 
-/* How casters' sigmas are spread, in bins of equal ratio. */
-typedef struct spread {
-  float smallest, largest;
-  int64_t counts[BINS];
-} spread;
-
-static double bins_per_log(const spread *s) {
-  return (double)s->largest > (double)s->smallest ? (BINS - 1) / log((double)s->largest / (double)s->smallest) : 0.0;
+/* Bins of sigmas, even within each octave: the top bits of a float count them. */
+static int32_t bin_of(float sigma, float smallest) {
+  const int shift = 23 - 5; /* 2^5 bins an octave */
+  uint32_t bits, first;
+  memcpy(&bits, &sigma, sizeof bits);
+  memcpy(&first, &smallest, sizeof first);
+  return (int32_t)(bits >> shift) - (int32_t)(first >> shift);
 }
 
-static void find_spread(const fum_medium *medium, const fum_sweep_view *view, spread *s) {
-  const fum_octree *casters = fum_medium_casters(medium);
-  *s = (spread){.smallest = INFINITY};
-  for (int64_t i = 0; i < casters->count; i++) {
-    if (!(casters->optical_depths[i] > 0.0F)) continue;
-    const float sigma = fum_sweep_sigma(view, casters, i, medium->sigma_scale);
-    s->smallest = fminf(s->smallest, sigma);
-    s->largest = fmaxf(s->largest, sigma);
-  }
-  const double per_log = bins_per_log(s);
-  for (int64_t i = 0; i < casters->count; i++) {
-    if (!(casters->optical_depths[i] > 0.0F)) continue;
-    const double sigma = (double)fum_sweep_sigma(view, casters, i, medium->sigma_scale);
-    s->counts[(int)(log(sigma / (double)s->smallest) * per_log)]++;
+/* The smallest sigma of a bin. */
+static float begin_of(int32_t bin, float smallest) {
+  const int shift = 23 - 5;
+  uint32_t bits;
+  float begin;
+  memcpy(&bits, &smallest, sizeof bits);
+  bits = ((bits >> shift) + (uint32_t)bin) << shift;
+  memcpy(&begin, &bits, sizeof begin);
+  return begin;
+}
+
+static void count_bins(fum_context *context, const fum_sweep_view *view, int64_t count, int64_t bins[BINS]) {
+  memset(bins, 0, BINS * sizeof *bins);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : bins[:BINS])
+  for (int64_t i = 0; i < count; i++) {
+    if (view->sigmas[i] > 0.0F) bins[bin_of(view->sigmas[i], view->smallest)]++;
   }
 }
 
 /* As few levels as hold all casters, from the smallest on. Returns how many; 0: too many. */
-static int32_t find_levels(const spread *s, fum_sweep_level levels[MOST_LEVELS]) {
-  const double per_log = bins_per_log(s), most = log((double)(MOST_SIGMA / LEAST_SIGMA));
+static int32_t find_levels(const fum_sweep_view *view, const int64_t bins[BINS], fum_sweep_level levels[MOST_LEVELS]) {
   int32_t count = 0;
-  for (int bin = 0; bin < BINS; bin++) {
-    if (s->counts[bin] == 0) continue;
+  for (int32_t bin = 0; bin < BINS; bin++) {
+    if (bins[bin] == 0) continue;
     if (count == MOST_LEVELS) return 0;
-    const double low = per_log > 0.0 ? bin / per_log : 0.0, high = low + most;
-    const double smallest = (double)s->smallest * exp(low);
-    fum_sweep_level *level = &levels[count++];
-    *level = (fum_sweep_level){
-        .smallest = bin == 0 ? 0.0F : (float)smallest, .cell = (float)smallest / LEAST_SIGMA, .largest = INFINITY};
-    while (bin + 1 < BINS && (bin + 2) / per_log <= high)
+    const float begin = begin_of(bin, view->smallest), smallest = fmaxf(begin, view->smallest);
+    while (bin + 1 < BINS && begin_of(bin + 2, view->smallest) <= smallest * (MOST_SIGMA / LEAST_SIGMA))
       bin++;
-    if (bin + 1 < BINS) level->largest = (float)((double)s->smallest * exp((bin + 1) / per_log));
+    levels[count++] = (fum_sweep_level){
+        .smallest = begin, .largest = begin_of(bin + 1, view->smallest), .cell = smallest / LEAST_SIGMA};
   }
   return count;
 }
 
-/* As find_place in sweep_loop.h. */
+/* As find_places in sweep_places.h. */
 static double range_of(const fum_sweep_view *view, double distance) {
   const double x = (distance - view->reference) / (distance + view->reference), squared = x * x;
   return 2.0 * x * (1.0 + squared * (1.0 / 3.0 + squared * (0.2 + squared / 7.0)));
@@ -142,24 +139,31 @@ static int32_t solve_level(fum_context *context, const fum_medium *medium, const
   return status;
 }
 
+/* Levels with slabs. Returns how many; 0: casters differ too much, or are too small for a grid. */
+static int32_t plan_levels(fum_context *context, const fum_medium *medium, fum_sweep_view *view,
+                           fum_sweep_level levels[MOST_LEVELS]) {
+  const int32_t most_slabs = 100000;
+  int64_t bins[BINS], patches;
+  if (!(view->largest < view->smallest * (float)(1 << (MOST_OCTAVES - 1)))) return 0;
+  count_bins(context, view, fum_medium_casters(medium)->count, bins);
+  const int32_t count = find_levels(view, bins, levels);
+  for (int32_t k = 0; k < count; k++) {
+    cut_slabs(medium, view, &levels[k]);
+    if (!fum_sweep_lay(&levels[k], view, &patches) || levels[k].slab_count > most_slabs) return 0;
+  }
+  return count;
+}
+
 int32_t fum_sweep_solve(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
                         const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths,
                         bool *out_is_solved) {
-  fum_sweep_view view;
+  fum_sweep_view view = {0};
   fum_sweep_level levels[MOST_LEVELS];
-  int64_t patches;
+  bool is_clear;
   *out_is_solved = false;
-  if (!fum_sweep_view_find(medium, emitter, &view)) return FUM_OK;
-  spread s;
-  find_spread(medium, &view, &s);
-  const int32_t count = find_levels(&s, levels);
-  for (int32_t k = 0; k < count; k++) {
-    cut_slabs(medium, &view, &levels[k]);
-    if (!fum_sweep_lay(&levels[k], &view, &patches) || levels[k].slab_count > 100000) return FUM_OK;
-  }
-  if (count == 0) return FUM_OK;
-  int32_t status = FUM_OK;
-  for (int64_t i = 0; i < receivers->octree->count; i++) {
+  int32_t status = fum_sweep_view_find(context, medium, emitter, &view, &is_clear);
+  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, medium, &view, levels) : 0;
+  for (int64_t i = 0; i < receivers->octree->count && count > 0; i++) {
     if (is_lit[i]) out_depths[i] = 0.0F;
   }
   for (int32_t k = 0; k < count && status == FUM_OK; k++) {
@@ -167,6 +171,7 @@ int32_t fum_sweep_solve(fum_context *context, const fum_medium *medium, const fu
     status =
         solve_level(context, medium, receivers, is_lit, (float[2]){from, from + step}, &view, &levels[k], out_depths);
   }
-  *out_is_solved = status == FUM_OK;
+  *out_is_solved = status == FUM_OK && count > 0;
+  fum_sweep_view_free(context, &view);
   return status;
 }

@@ -39,79 +39,91 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
                        .upper = {(float)half, (float)half}};
 }
 
-/* Distances of the casters from the light, and whether each is small as seen from it. */
-static bool measure(const fum_medium *medium, fum_sweep_view *view) {
+/* How casters are seen: their sigmas, [count], and distances from the light. False if one is large as seen from it. */
+static bool measure(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
   const double widest = 0.1; /* sigma over distance */
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle, squared = dot(o, o);
-  double nearest = INFINITY, farthest = 0.0;
+  const bool is_parallel = view->is_parallel;
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(min                         \
+                                                                                           : nearest, smallest)        \
+    reduction(max                                                                                                      \
+              : farthest, largest)
   for (int64_t i = 0; i < casters->count; i++) {
-    if (!(casters->optical_depths[i] > 0.0F)) continue;
     const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
                          (double)(casters->z[i] - view->middle.z)};
-    const double distance = sqrt(squared + 2.0 * dot(o, q) + dot(q, q));
-    if (widest * distance * (double)casters->inverse_sigmas[i] < (double)medium->sigma_scale) return false;
+    const double distance = is_parallel ? 1.0 : sqrt(squared + 2.0 * dot(o, q) + dot(q, q));
+    const double sigma = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i] / distance;
+    view->sigmas[i] = casters->optical_depths[i] > 0.0F ? (float)sigma : 0.0F;
+    if (!(casters->optical_depths[i] > 0.0F)) continue;
     nearest = distance < nearest ? distance : nearest;
     farthest = distance > farthest ? distance : farthest;
+    smallest = sigma < smallest ? sigma : smallest;
+    largest = sigma > largest ? sigma : largest;
   }
   view->nearest = nearest;
   view->farthest = farthest;
   view->reference = sqrt(nearest * farthest);
-  return farthest <= 100.0 * nearest;
+  view->smallest = (float)smallest;
+  view->largest = (float)largest;
+  return is_parallel || (largest <= widest && farthest <= 100.0 * nearest);
 }
 
-bool fum_sweep_view_find(const fum_medium *medium, const fum_emitter *emitter, fum_sweep_view *out_view) {
+/* Around the light where it is near, else before it: a window around the cone of the casters. Receivers beyond are in
+ * nobody's shadow. */
+static void aim_faces(double radius, const double axis[3], fum_sweep_view *view) {
+  const double distance = sqrt(dot(view->to_middle, view->to_middle));
+  if (!view->is_parallel && distance < 1.5 * radius) {
+    view->face_count = FUM_SWEEP_FACES;
+    for (int f = 0; f < FUM_SWEEP_FACES; f++) {
+      double side[3] = {0.0};
+      side[f / 2] = f % 2 == 0 ? 1.0 : -1.0;
+      aim_face(view->to_middle, side, 1.001, &view->faces[f]);
+    }
+    return;
+  }
+  const double half = view->is_parallel ? radius : radius / sqrt(distance * distance - radius * radius);
+  view->face_count = 1;
+  aim_face(view->to_middle, axis, 1.05 * half + 1e-30, &view->faces[0]);
+}
+
+int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
+                            fum_sweep_view *out_view, bool *out_is_clear) {
+  const double far_away = 1e4; /* radii of the casters: their rays are parallel within a hundredth of a sigma */
   const fum_octree *casters = fum_medium_casters(medium);
-  fum_sweep_view view = {.is_parallel = emitter->is_directional, .face_count = 1};
-  if (casters->node_count == 0) return false;
-  const fum_octree_node *root = &casters->nodes[0];
-  double middle[3], squared = 0.0;
-  for (int axis = 0; axis < 3; axis++) {
-    const double side = (double)root->upper[axis] - (double)root->lower[axis];
-    middle[axis] = 0.5 * ((double)root->upper[axis] + (double)root->lower[axis]);
-    squared += 0.25 * side * side;
+  const fum_octree_node *root = casters->nodes;
+  const fum_vec3 p = emitter->position, d = emitter->direction;
+  const double light[3] = {(double)p.x, (double)p.y, (double)p.z};
+  double axis[3] = {-(double)d.x, -(double)d.y, -(double)d.z}, middle[3], radius = 0.0;
+  fum_sweep_view view = {.is_parallel = emitter->is_directional};
+  *out_is_clear = false;
+  if (casters->node_count == 0) return FUM_OK;
+  for (int k = 0; k < 3; k++) {
+    middle[k] = (double)(0.5F * (root->upper[k] + root->lower[k]));
+    radius = hypot(radius, 0.5 * ((double)root->upper[k] - (double)root->lower[k]));
   }
   view.middle = to_floats(middle);
-  const double radius = sqrt(squared), parallel = 1e4,
-               light[3] = {(double)emitter->position.x, (double)emitter->position.y, (double)emitter->position.z};
-  double axis[3] = {-(double)emitter->direction.x, -(double)emitter->direction.y, -(double)emitter->direction.z};
   if (!view.is_parallel) {
-    double distance;
-    for (int i = 0; i < 3; i++)
-      axis[i] = view.to_middle[i] = (double)((float[3]){view.middle.x, view.middle.y, view.middle.z})[i] - light[i];
-    distance = sqrt(dot(axis, axis));
-    view.is_parallel = distance > parallel * radius;
-    for (int i = 0; i < 3 && distance > 0.0; i++)
-      axis[i] /= distance;
-    if (!view.is_parallel && !measure(medium, &view)) return false;
-    if (!view.is_parallel && distance < 1.5 * radius) { /* all around */
-      view.face_count = FUM_SWEEP_FACES;
-      for (int f = 0; f < FUM_SWEEP_FACES; f++) {
-        double side[3] = {0.0};
-        side[f / 2] = f % 2 == 0 ? 1.0 : -1.0;
-        aim_face(view.to_middle, side, 1.001, &view.faces[f]);
-      }
-      *out_view = view;
-      return true;
-    }
+    for (int k = 0; k < 3; k++)
+      view.to_middle[k] = middle[k] - light[k];
+    const double distance = sqrt(dot(view.to_middle, view.to_middle));
+    view.is_parallel = distance > far_away * radius;
+    if (!(distance > 0.0)) return FUM_OK;
+    for (int k = 0; k < 3; k++)
+      axis[k] = view.to_middle[k] / distance;
   }
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
-  const double distance = sqrt(dot(view.to_middle, view.to_middle));
-  /* Twice the tangent of the cone around the casters: receivers beyond are few and in nobody's shadow. */
-  const double half = view.is_parallel ? radius : radius / sqrt(distance * distance - squared);
-  aim_face(view.to_middle, axis, 1.05 * half + 1e-30, &view.faces[0]);
+  const int32_t status = fum_alloc(context, casters->count, sizeof *view.sigmas, "a light's view", &view.sigmas);
+  if (status != FUM_OK) return status;
+  *out_is_clear = measure(context, medium, &view);
+  aim_faces(radius, axis, &view);
   *out_view = view;
-  return true;
+  return FUM_OK;
 }
 
-float fum_sweep_sigma(const fum_sweep_view *view, const fum_octree *casters, int64_t i, float sigma_scale) {
-  const float sigma = sigma_scale / casters->inverse_sigmas[i];
-  if (view->is_parallel) return sigma;
-  const fum_sweep_face *face = &view->faces[0];
-  const fum_vec3 q = {casters->x[i] - view->middle.x, casters->y[i] - view->middle.y, casters->z[i] - view->middle.z};
-  const fum_vec3 p = {fum_dot(q, face->right) + face->offset[0], fum_dot(q, face->up) + face->offset[1],
-                      fum_dot(q, face->axis) + face->offset[2]};
-  return sigma / fum_length(p);
+void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
+  fum_free(context, &view->sigmas);
 }
 
 bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count) {
@@ -131,9 +143,9 @@ bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *
   return true;
 }
 
-/* What of a face a ball is seen in. */
+/* Patches of a face that a ball is seen in; none where an end is not behind its begin. */
 typedef struct span {
-  int32_t begin[2], end[2]; /* patches; empty where end <= begin */
+  uint16_t begin[2], end[2];
 } span;
 
 static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, const fum_octree *points, int64_t i) {
@@ -142,42 +154,30 @@ static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, cons
                     fum_dot(q, face->axis) + face->offset[2]};
 }
 
-static span find_span(const fum_sweep_view *view, const fum_sweep_face *face, fum_vec3 p, float radius) {
+static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, float radius) {
   const float lateral[2] = {p.x, p.y}, near = 1.0F / (p.z - radius), far = 1.0F / (p.z + radius);
   const int32_t counts[2] = {face->columns, face->rows};
-  span s = {{0, 0}, {0, 0}};
-  const bool is_beside = !view->is_parallel && p.z <= 1.01F * radius;
-  if (!view->is_parallel && p.z + radius <= 0.0F) return s;
+  const span none = {{0, 0}, {0, 0}};
+  const bool is_beside = !is_parallel && p.z <= 1.01F * radius;
+  span s = none;
+  if (!is_parallel && p.z + radius <= 0.0F) return none;
   for (int axis = 0; axis < 2; axis++) {
     float low = lateral[axis] - radius, high = lateral[axis] + radius;
-    if (!view->is_parallel) {
+    if (!is_parallel) {
       low = low > 0.0F ? low * far : is_beside ? -INFINITY : low * near;
       high = high < 0.0F ? high * far : is_beside ? INFINITY : high * near;
     }
-    if (high < face->lower[axis] || low > face->upper[axis]) return (span){{0, 0}, {0, 0}};
-    low = low > face->lower[axis] ? low : face->lower[axis];
-    high = high < face->upper[axis] ? high : face->upper[axis];
+    if (!(high >= face->lower[axis] && low <= face->upper[axis])) return none;
     const float per_unit = (float)counts[axis] / (face->upper[axis] - face->lower[axis]);
-    const int32_t first = (int32_t)((low - face->lower[axis]) * per_unit),
-                  last = (int32_t)((high - face->lower[axis]) * per_unit);
-    s.begin[axis] = first < counts[axis] ? first : counts[axis] - 1;
-    s.end[axis] = last < counts[axis] ? last + 1 : counts[axis];
+    const float first = (low - face->lower[axis]) * per_unit, last = (high - face->lower[axis]) * per_unit;
+    const float most = (float)(counts[axis] - 1);
+    s.begin[axis] = (uint16_t)(first > 0.0F ? first < most ? first : most : 0.0F);
+    s.end[axis] = (uint16_t)((last < most ? last : most) + 1.0F);
   }
   return s;
 }
 
-/* Lists are filled in two rounds: the first counts, the second writes where the first has counted. */
-typedef struct filling {
-  int64_t *cursors;
-  uint32_t *out; /* NULL: only counts */
-} filling;
-
-static void put(const filling *f, int64_t patch, int64_t i) {
-  const int64_t at = f->cursors[patch]++;
-  if (f->out != NULL) f->out[at] = (uint32_t)i;
-}
-
-/* What both rounds look at. */
+/* What is sorted, and how it is seen. */
 typedef struct sorting {
   const fum_sweep_view *view;
   const fum_sweep_level *level;
@@ -186,36 +186,46 @@ typedef struct sorting {
   float sigma_scale;
 } sorting;
 
-static void put_caster(const sorting *s, int64_t i, const filling *f) {
+static void find_caster_spans(const sorting *s, int64_t i, span *out) {
   const fum_sweep_level *level = s->level;
-  const float seen = fum_sweep_sigma(s->view, s->casters, i, s->sigma_scale);
-  if (!(seen >= level->smallest && seen < level->largest && s->casters->optical_depths[i] > 0.0F)) return;
+  const float seen = s->view->sigmas[i];
+  for (int n = 0; n < s->view->face_count; n++)
+    out[n] = (span){{0, 0}, {0, 0}};
+  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
   const float radius = sigma * (FUM_SWEEP_REACH + FUM_SWEEP_MARGIN * level->cell / seen);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
-    const span patches = find_span(s->view, face, see(s->view, face, s->casters, i), radius);
-    for (int32_t row = patches.begin[1]; row < patches.end[1]; row++) {
-      for (int32_t column = patches.begin[0]; column < patches.end[0]; column++)
-        put(f, face->first_patch + (int64_t)row * face->columns + column, i);
-    }
+    out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
   }
 }
 
-/* The face whose axis is nearest to the point. */
-static void put_receiver(const sorting *s, int64_t i, const filling *f) {
-  if (!s->is_lit[i]) return;
-  const fum_sweep_face *best = &s->view->faces[0];
-  fum_vec3 p = see(s->view, best, s->points, i);
+/* On the face whose axis is nearest to the point. */
+static void find_receiver_spans(const sorting *s, int64_t i, span *out) {
+  int best = 0;
+  fum_vec3 p = see(s->view, &s->view->faces[0], s->points, i);
+  out[0] = (span){{0, 0}, {0, 0}};
   for (int n = 1; n < s->view->face_count; n++) {
     const fum_vec3 other = see(s->view, &s->view->faces[n], s->points, i);
+    out[n] = (span){{0, 0}, {0, 0}};
     if (other.z <= p.z) continue;
-    best = &s->view->faces[n];
+    best = n;
     p = other;
   }
-  const span patches = find_span(s->view, best, p, 0.0F);
-  if (patches.begin[0] < patches.end[0])
-    put(f, best->first_patch + (int64_t)patches.begin[1] * best->columns + patches.begin[0], i);
+  if (s->is_lit[i]) out[best] = find_span(s->view->is_parallel, &s->view->faces[best], p, 0.0F);
+}
+
+/* Calls for every patch of an item: counts it, or writes the item down at the place that was counted. */
+static void put(const fum_sweep_view *view, const span *spans, int64_t i, int64_t *cursors, uint32_t *out) {
+  for (int n = 0; n < view->face_count; n++) {
+    const fum_sweep_face *face = &view->faces[n];
+    for (int32_t row = spans[n].begin[1]; row < spans[n].end[1]; row++) {
+      for (int32_t column = spans[n].begin[0]; column < spans[n].end[0]; column++) {
+        const int64_t at = cursors[face->first_patch + (int64_t)row * face->columns + column]++;
+        if (out != NULL) out[at] = (uint32_t)i;
+      }
+    }
+  }
 }
 
 /* Counting sort: each block of items counts, then writes to places of its own, so that every list stays in order
@@ -224,30 +234,39 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
                     uint32_t **out_list) {
   const char *what = "patches of a light";
   const int64_t count = is_casters ? s->casters->count : s->points->count;
-  const int blocks = fum_thread_count(context);
+  const int faces = s->view->face_count, blocks = fum_thread_count(context);
   int64_t *cursors = NULL, total = 0;
+  span *spans = NULL;
   int32_t status = fum_alloc(context, blocks * patch_count, sizeof *cursors, what, &cursors);
-  if (status != FUM_OK) return status;
-  for (int round = 0; round < 2 && status == FUM_OK; round++) {
+  if (status == FUM_OK) status = fum_alloc(context, count * faces, sizeof *spans, what, &spans);
+  if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
-    for (int block = 0; block < blocks; block++) {
-      const filling f = {cursors + block * patch_count, *out_list};
-      const int64_t end = count * (block + 1) / blocks;
-      for (int64_t i = count * block / blocks; i < end; i++)
-        (is_casters ? put_caster : put_receiver)(s, i, &f);
+  for (int block = 0; block < blocks; block++) {
+    const int64_t end = count * (block + 1) / blocks;
+    for (int64_t i = count * block / blocks; i < end; i++) {
+      (is_casters ? find_caster_spans : find_receiver_spans)(s, i, spans + i * faces);
+      put(s->view, spans + i * faces, i, cursors + block * patch_count, NULL);
     }
-    if (round == 1) break;
-    for (int64_t patch = 0; patch < patch_count; patch++) {
-      begins[patch] = total;
-      for (int block = 0; block < blocks; block++) {
-        const int64_t n = cursors[block * patch_count + patch];
-        cursors[block * patch_count + patch] = total;
-        total += n;
-      }
-    }
-    begins[patch_count] = total;
-    status = fum_alloc(context, total, sizeof **out_list, what, out_list);
   }
+  for (int64_t patch = 0; patch < patch_count; patch++) {
+    begins[patch] = total;
+    for (int block = 0; block < blocks; block++) {
+      const int64_t n = cursors[block * patch_count + patch];
+      cursors[block * patch_count + patch] = total;
+      total += n;
+    }
+  }
+  begins[patch_count] = total;
+  status = fum_alloc(context, total, sizeof **out_list, what, out_list);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(blocks) schedule(static, 1)
+  for (int block = 0; block < blocks; block++) {
+    const int64_t end = count * (block + 1) / blocks;
+    for (int64_t i = count * block / blocks; i < end; i++)
+      put(s->view, spans + i * faces, i, cursors + block * patch_count, *out_list);
+  }
+done:
+  fum_free(context, &spans);
   fum_free(context, &cursors);
   return status;
 }

@@ -20,14 +20,16 @@ typedef struct fum_sweep_face {
 
 enum { FUM_SWEEP_FACES = 6 };
 
-/* How a light is looked from: casters and receivers are points relative to `middle`. */
+/* How a light sees casters and receivers: as points relative to `middle`. */
 typedef struct fum_sweep_view {
   bool is_parallel;
   fum_vec3 middle;          /* of the casters, local space */
   double to_middle[3];      /* from the light */
   double nearest, farthest; /* of the casters' centres, from the light */
-  double reference;         /* distance at which ranges are 0; it grows with the logarithm
-                               of the distance: 2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - r) / (d + r) */
+  double reference;         /* distance d at which ranges are 0. They grow with the logarithm of the distance:
+                               2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
+  float smallest, largest;  /* of... */
+  float *sigmas;            /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
   int32_t face_count;
   fum_sweep_face faces[FUM_SWEEP_FACES];
 } fum_sweep_view;
@@ -53,12 +55,11 @@ static const float FUM_SWEEP_REACH = 2.8F;
 /* Grid lines around a point that it is read from, and one for rounding. */
 static const float FUM_SWEEP_MARGIN = 3.0F;
 
-/* Places the light, finds out how the casters are seen. False if a caster is so large or near that its shadow isn't a
- * footprint, or there are none. */
-bool fum_sweep_view_find(const fum_medium *medium, const fum_emitter *emitter, fum_sweep_view *out_view);
-
-/* Sigma of a caster as seen from the light. */
-float fum_sweep_sigma(const fum_sweep_view *view, const fum_octree *casters, int64_t i, float sigma_scale);
+/* Places the light and finds out how the casters are seen. `*out_is_clear` is false, and there may be nothing to free,
+ * where some caster is so large or near that its shadow isn't a footprint, or there is none. */
+int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
+                            fum_sweep_view *out_view, bool *out_is_clear);
+void fum_sweep_view_free(fum_context *context, fum_sweep_view *view);
 
 /* Lays the patches of a level over the view's faces. False if they would be too many. */
 bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count);
