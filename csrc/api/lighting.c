@@ -25,7 +25,7 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
   }
   lighting.medium = &scene->caches->medium;
   *out_lighting = lighting;
-  out_lighting->solver.wanted = settings->solver;
+  out_lighting->solver = (fum_solver){.wanted = settings->solver, .tolerance = settings->tolerance};
   out_lighting->gathering = (fum_gathering){.context = context,
                                             .solver = &out_lighting->solver,
                                             .medium = out_lighting->medium,
@@ -94,6 +94,8 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status != FUM_OK) goto done;
   const surface surfaces = {points->indices, normals};
+  /* Nothing measures these: only an exact solver keeps what is promised of them. */
+  if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
   lighting.gathering.response = has_response ? respond : NULL;
   lighting.gathering.response_user = &surfaces;
   status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/hidden.h"
 
-#include "lighting/exact.h"
+#include "lighting/solver.h"
 
 static int32_t coarse(int32_t samples) {
   return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
@@ -45,6 +45,7 @@ static fum_emitter camera_of(const fum_view *view) {
 static int32_t solve(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_octree *points,
                      float limit, float *out_depths) {
   const float rough = 0.01F; /* nobody sees these depths: they are compared with the limit */
+  fum_solver solver = {.wanted = FUM_SOLVER_AUTOMATIC, .tolerance = rough};
   fum_medium medium = {.octree = octree, .sigma_scale = 1.0F, .depth_scale = 1.0F, .depth_limit = limit + 1.0F};
   fum_receivers receivers = {0};
   float *depths = NULL;
@@ -57,7 +58,7 @@ static int32_t solve(fum_context *context, const fum_octree *octree, const fum_v
   for (int64_t i = 0; i < points->count; i++)
     is_lit[i] = 1;
   const fum_emitter camera = camera_of(view);
-  status = fum_exact_solve(context, &medium, &receivers, &camera, is_lit, (float[2]){0.0F, 0.0F}, depths);
+  status = fum_solver_solve(context, &solver, &medium, &receivers, &camera, is_lit, (float[2]){0.0F, 0.0F}, depths);
   if (status != FUM_OK) goto done;
   for (int64_t i = 0; i < points->count; i++)
     out_depths[points->indices[i]] = depths[i];

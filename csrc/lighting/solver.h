@@ -7,11 +7,18 @@
 
 typedef struct fum_solver {
   int32_t wanted;                   /* FUM_SOLVER_ */
+  float tolerance;                  /* of the picture; a sweep is for those that it keeps by far */
   int64_t exact_count, sweep_count; /* calls that each has solved */
 } fum_solver;
 
-/* As fum_exact_solve. What a sweep can't do is solved exactly, whatever was wanted. */
+/* As fum_exact_solve, by what is wanted; automatic: by what is predicted to be faster. What a sweep can't do is solved
+ * exactly, whatever is wanted. */
 int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
                          const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
+
+/* Has anything been solved by a sweep? */
+static inline bool fum_solver_has_swept(const fum_solver *solver) {
+  return solver->sweep_count > 0;
+}
 
 #endif

@@ -19,7 +19,7 @@ fum_sweep_fn fum_sweep_get(void) {
  * at once. */
 static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.8F;
 
-enum { BINS_PER_OCTAVE = 32, MOST_OCTAVES = 24, BINS = BINS_PER_OCTAVE * MOST_OCTAVES, MOST_LEVELS = 12 };
+enum { BINS_PER_OCTAVE = 32, MOST_OCTAVES = 24, BINS = BINS_PER_OCTAVE * MOST_OCTAVES };
 
 /* Bins of sigmas, even within each octave: the top bits of a float count them. */
 static int32_t bin_of(float sigma, float smallest) {
@@ -50,11 +50,12 @@ static void count_bins(fum_context *context, const fum_sweep_view *view, int64_t
 }
 
 /* As few levels as hold all casters, from the smallest on. Returns how many; 0: too many. */
-static int32_t find_levels(const fum_sweep_view *view, const int64_t bins[BINS], fum_sweep_level levels[MOST_LEVELS]) {
+static int32_t find_levels(const fum_sweep_view *view, const int64_t bins[BINS], int32_t most,
+                           fum_sweep_level *levels) {
   int32_t count = 0;
   for (int32_t bin = 0; bin < BINS; bin++) {
     if (bins[bin] == 0) continue;
-    if (count == MOST_LEVELS) return 0;
+    if (count == most) return 0;
     const float begin = begin_of(bin, view->smallest), smallest = fmaxf(begin, view->smallest);
     while (bin + 1 < BINS && begin_of(bin + 2, view->smallest) <= smallest * (MOST_SIGMA / LEAST_SIGMA))
       bin++;
@@ -117,15 +118,15 @@ static int32_t sweep_level(fum_context *context, const fum_sweep_job *job, const
   return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }
 
-static int32_t solve_level(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
-                           const uint8_t *is_lit, const float progress[2], fum_sweep_view *view,
-                           const fum_sweep_level *level, float *depths) {
+static int32_t solve_level(fum_context *context, const fum_sweep_task *task, const float progress[2],
+                           fum_sweep_view *view, const fum_sweep_level *level, float *depths) {
+  const fum_medium *medium = task->medium;
   fum_sweep_patches patches = {0};
   (void)fum_sweep_lay(level, view, &patches.count);
-  int32_t status = fum_sweep_sort(context, medium, receivers, is_lit, view, level, &patches);
+  int32_t status = fum_sweep_sort(context, medium, task->receivers, task->is_lit, view, level, &patches);
   const double *o = view->to_middle, squared = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
   const fum_sweep_job job = {.casters = fum_medium_casters(medium),
-                             .points = receivers->octree,
+                             .points = task->receivers->octree,
                              .sigma_scale = medium->sigma_scale,
                              .depth_scale = medium->depth_scale,
                              .view = view,
@@ -139,37 +140,35 @@ static int32_t solve_level(fum_context *context, const fum_medium *medium, const
   return status;
 }
 
-/* Levels with slabs. Returns how many; 0: casters differ too much, or are too small for a grid. */
-static int32_t plan_levels(fum_context *context, const fum_medium *medium, fum_sweep_view *view,
-                           fum_sweep_level levels[MOST_LEVELS]) {
+/* Levels with slabs. Returns how many; 0: casters are too unlike, or too small for a grid. */
+static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum_sweep_view *view,
+                           fum_sweep_level *levels) {
   const int32_t most_slabs = 100000;
   int64_t bins[BINS], patches;
   if (!(view->largest < view->smallest * (float)(1 << (MOST_OCTAVES - 1)))) return 0;
-  count_bins(context, view, fum_medium_casters(medium)->count, bins);
-  const int32_t count = find_levels(view, bins, levels);
+  count_bins(context, view, fum_medium_casters(task->medium)->count, bins);
+  const int32_t count = find_levels(view, bins, task->most_levels, levels);
   for (int32_t k = 0; k < count; k++) {
-    cut_slabs(medium, view, &levels[k]);
+    cut_slabs(task->medium, view, &levels[k]);
     if (!fum_sweep_lay(&levels[k], view, &patches) || levels[k].slab_count > most_slabs) return 0;
   }
   return count;
 }
 
-int32_t fum_sweep_solve(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
-                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths,
+int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const float progress[2], float *out_depths,
                         bool *out_is_solved) {
   fum_sweep_view view = {0};
-  fum_sweep_level levels[MOST_LEVELS];
+  fum_sweep_level levels[FUM_SWEEP_MOST_LEVELS];
   bool is_clear;
   *out_is_solved = false;
-  int32_t status = fum_sweep_view_find(context, medium, emitter, &view, &is_clear);
-  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, medium, &view, levels) : 0;
-  for (int64_t i = 0; i < receivers->octree->count && count > 0; i++) {
-    if (is_lit[i]) out_depths[i] = 0.0F;
+  int32_t status = fum_sweep_view_find(context, task->medium, task->emitter, &view, &is_clear);
+  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, levels) : 0;
+  for (int64_t i = 0; i < task->receivers->octree->count && count > 0; i++) {
+    if (task->is_lit[i]) out_depths[i] = 0.0F;
   }
   for (int32_t k = 0; k < count && status == FUM_OK; k++) {
     const float step = (progress[1] - progress[0]) / (float)count, from = progress[0] + step * (float)k;
-    status =
-        solve_level(context, medium, receivers, is_lit, (float[2]){from, from + step}, &view, &levels[k], out_depths);
+    status = solve_level(context, task, (float[2]){from, from + step}, &view, &levels[k], out_depths);
   }
   *out_is_solved = status == FUM_OK && count > 0;
   fum_sweep_view_free(context, &view);

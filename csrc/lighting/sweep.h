@@ -48,10 +48,21 @@ typedef void (*fum_sweep_fn)(const fum_sweep_job *job, int64_t index, fum_sweep_
 /* The loop for this processor. */
 fum_sweep_fn fum_sweep_get(void);
 
-/* As fum_exact_solve. Sets `*out_is_solved` to false, and nothing else, where a sweep can't do it: a light so near to
- * casters that they aren't small as seen from it, casters too small for a grid. */
-int32_t fum_sweep_solve(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
-                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths,
+enum { FUM_SWEEP_MOST_LEVELS = 12 };
+
+/* What is to be solved. */
+typedef struct fum_sweep_task {
+  const fum_medium *medium;
+  const fum_receivers *receivers;
+  const fum_emitter *emitter;
+  const uint8_t *is_lit; /* in receivers' order */
+  int32_t most_levels;   /* 1..FUM_SWEEP_MOST_LEVELS */
+} fum_sweep_task;
+
+/* Optical depth from each lit receiver to the emitter, as fum_exact_solve. Sets `*out_is_solved` to false, and nothing
+ * else, where a sweep can't do it: a light so near to casters that they aren't small as seen from it, casters too small
+ * for a grid, or more unlike than the levels allow. */
+int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const float progress[2], float *out_depths,
                         bool *out_is_solved);
 
 #endif
