@@ -65,20 +65,52 @@ static int32_t clamp(float value, int32_t high) {
   return value < 0.0F ? 0 : value > (float)high ? high : (int32_t)value;
 }
 
-/* Marks the samples of one face that interpolation needs around a sphere of this radius. */
-static void mark_face(const fum_view *view, const fum_lattice_face *grid, const double center[3], double radius,
-                      marks *m) {
-  float lower[2], upper[2];
-  fum_view_cover(view, center, radius, lower, upper);
-  if (grid->columns == 0 || lower[0] >= upper[0] || lower[1] >= upper[1]) return;
-  const int32_t c0 = clamp((lower[0] - grid->origin[0]) / grid->spacing[0] - 1.5F, grid->columns - 1);
-  const int32_t c1 = clamp((upper[0] - grid->origin[0]) / grid->spacing[0] + 2.5F, grid->columns - 1);
-  const int32_t r0 = clamp((lower[1] - grid->origin[1]) / grid->spacing[1] - 1.5F, grid->rows - 1);
-  const int32_t r1 = clamp((upper[1] - grid->origin[1]) / grid->spacing[1] + 2.5F, grid->rows - 1);
+/* Marks the samples of one face that interpolation needs in a rectangle of the window. */
+static void mark_face(const fum_lattice_face *grid, const float lower[2], const float upper[2], marks *m) {
+  if (grid->columns == 0) return;
+  const float per_column = 1.0F / grid->spacing[0], per_row = 1.0F / grid->spacing[1];
+  const int32_t c0 = clamp((lower[0] - grid->origin[0]) * per_column - 1.5F, grid->columns - 1);
+  const int32_t c1 = clamp((upper[0] - grid->origin[0]) * per_column + 2.5F, grid->columns - 1);
+  const int32_t r0 = clamp((lower[1] - grid->origin[1]) * per_row - 1.5F, grid->rows - 1);
+  const int32_t r1 = clamp((upper[1] - grid->origin[1]) * per_row + 2.5F, grid->rows - 1);
   for (int32_t r = r0; r <= r1; r++) {
     const int64_t row = grid->first + (int64_t)r * grid->columns;
     mark_span(m, row + c0, row + c1 + 1);
   }
+}
+
+/* Where a particle's footprint is in the window, as a whole and in parts. */
+typedef struct outline {
+  float center[2], half[2]; /* of all of it */
+  float lower[2], upper[2]; /* within the window */
+  bool is_close;            /* around the camera: no part of it is known to be smaller */
+} outline;
+
+/* False if it isn't in the frame. */
+static bool find_outline(const fum_view *view, const double center[3], double reach, outline *out) {
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const double depth = is_perspective ? -center[2] : 1.0, per_depth = 1.0 / depth;
+  const double near = is_perspective ? 1.0 / (depth - reach) : 1.0;
+  fum_view_cover(view, center, reach, out->lower, out->upper);
+  out->is_close = is_perspective && depth <= 1.01 * reach;
+  for (int axis = 0; axis < 2; axis++) {
+    out->center[axis] = (float)(center[axis] * per_depth);
+    out->half[axis] = (float)((fabs(center[axis]) + reach) * near - fabs(center[axis]) * per_depth);
+  }
+  return out->lower[0] < out->upper[0] && out->lower[1] < out->upper[1];
+}
+
+/* Marks what a sphere in the particle, `share` of its radius, needs on a face. The outline of a sphere grows at least
+ * in proportion to its radius. */
+static void mark_part(const outline *o, float share, const fum_lattice_face *grid, marks *m) {
+  float lower[2], upper[2];
+  for (int axis = 0; axis < 2; axis++) {
+    const float half = o->half[axis] * share;
+    const float low = o->center[axis] - half, high = o->center[axis] + half;
+    lower[axis] = o->is_close || low < o->lower[axis] ? o->lower[axis] : low;
+    upper[axis] = o->is_close || high > o->upper[axis] ? o->upper[axis] : high;
+  }
+  if (lower[0] < upper[0] && lower[1] < upper[1]) mark_face(grid, lower, upper, m);
 }
 
 static void mark_particle(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
@@ -87,18 +119,21 @@ static void mark_particle(const fum_octree *octree, const fum_view *view, const 
   const double reach =
       fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[i]) / (double)octree->inverse_sigmas[i];
   double c[3];
+  outline o;
   fum_transform_point(view->camera_from_local, local, c);
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
   if (-c[2] + reach < view->clip_start || !(octree->optical_depths[i] > 0.0F)) return;
+  if (!find_outline(view, c, reach, &o)) return;
   const fum_face *faces = slabs->faces;
+  const float middle = (float)range, radius = (float)reach, per_radius = 1.0F / radius;
   for (int32_t f = fum_slab_at(slabs, range - reach); f <= slabs->count; f++) {
     /* Light on a face serves the slabs on both of its sides. */
-    const double at = (double)faces[f].range, before = (double)faces[f > 0 ? f - 1 : f].range;
-    const double next = (double)faces[f < slabs->count ? f + 1 : f].range;
-    const double gap = before > range ? before - range : next < range ? range - next : 0.0;
-    if (gap <= reach) mark_face(view, &lattice->faces[f], c, sqrt(reach * reach - gap * gap), m);
-    if (at > range + reach) break;
+    const float before = faces[f > 0 ? f - 1 : f].range, next = faces[f < slabs->count ? f + 1 : f].range;
+    const float gap = before > middle ? before - middle : next < middle ? middle - next : 0.0F;
+    const float along = gap * per_radius;
+    if (along <= 1.0F) mark_part(&o, sqrtf(1.0F - along * along), &lattice->faces[f], m);
+    if (faces[f].range > middle + radius) break;
   }
 }
 

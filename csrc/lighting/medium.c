@@ -164,10 +164,41 @@ static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *me
   return status;
 }
 
+/* Optical depth times area of a leaf's particles over 2 pi, and that times their mean extinction times sigma. */
+static void weigh_leaf(const fum_medium *medium, const fum_octree_node *leaf, double out[2]) {
+  const fum_octree *octree = fum_medium_casters(medium);
+  double mass = 0.0, sigmas = 0.0, volume = 1.0;
+  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
+    const double sigma = (double)medium->sigma_scale / (double)octree->inverse_sigmas[i];
+    mass += (double)octree->optical_depths[i] * (double)medium->depth_scale * sigma * sigma;
+    sigmas += sigma / leaf->count;
+  }
+  /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
+  for (int axis = 0; axis < 3; axis++)
+    volume *= (double)leaf->upper[axis] - (double)leaf->lower[axis] + FUM_SQRT_2PI * sigmas;
+  out[0] = mass;
+  out[1] = mass * 2.0 * FUM_PI * mass / volume * sigmas;
+}
+
+static double find_thickness(const fum_medium *medium) {
+  const fum_octree *octree = fum_medium_casters(medium);
+  double mass = 0.0, weighed = 0.0;
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    double leaf[2];
+    if (octree->nodes[i].children != 0) continue;
+    weigh_leaf(medium, &octree->nodes[i], leaf);
+    mass += leaf[0];
+    weighed += leaf[1];
+  }
+  return mass > 0.0 ? weighed / mass : 0.0;
+}
+
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium) {
   const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
   medium->error = transmittance_error;
-  return fum_octree_merge(context, medium->octree, &merging, &medium->merged);
+  const int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
+  if (status == FUM_OK) medium->thickness = find_thickness(medium);
+  return status;
 }
 
 static void free_runs(fum_context *context, fum_medium *medium) {

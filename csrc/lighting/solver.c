@@ -5,8 +5,10 @@
 
 #include <math.h>
 
-/* The tolerance from which on a sweep's errors don't matter beside it (docs/ACCURACY.md). */
-static const float SWEEP_TOLERANCE = 0.005F;
+/* Where a sweep's errors don't matter beside the tolerance (docs/ACCURACY.md): they grow with the thickness, in which
+ * exact solvers are quick. */
+static const float LEAST_TOLERANCE = 0.005F;
+static const double MOST_THICKNESS = 0.6;
 
 /* Levels of a sweep up to which it is predicted to be faster than the exact solver; 0: none. Of measured times: exactly
  * a receiver takes as long as it meets particles, whose number grows with the cube root; by a sweep, a caster takes its
@@ -19,7 +21,8 @@ static int32_t affordable_levels(int64_t casters, int64_t receivers) {
 
 static int32_t levels_to_try(const fum_solver *solver, const fum_medium *medium, const fum_receivers *receivers) {
   if (solver->wanted == FUM_SOLVER_SWEEP) return FUM_SWEEP_MOST_LEVELS;
-  if (solver->wanted == FUM_SOLVER_EXACT || solver->tolerance < SWEEP_TOLERANCE) return 0;
+  if (solver->wanted == FUM_SOLVER_EXACT || solver->tolerance < LEAST_TOLERANCE) return 0;
+  if (medium->thickness > MOST_THICKNESS) return 0;
   return affordable_levels(fum_medium_casters(medium)->count, receivers->octree->count);
 }
 

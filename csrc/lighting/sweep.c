@@ -17,7 +17,7 @@ fum_sweep_fn fum_sweep_get(void) {
 
 /* A level's sigmas in steps of its grid, from the smallest to the largest; more would not fit the block that is written
  * at once. */
-static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.8F;
+static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.7F;
 
 enum { BINS_PER_OCTAVE = 32, MOST_OCTAVES = 24, BINS = BINS_PER_OCTAVE * MOST_OCTAVES };
 
@@ -87,7 +87,7 @@ static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, fum_
     from = range_of(view, view->nearest);
     to = range_of(view, view->farthest);
   }
-  const double reach = 4.0 + (double)(FUM_SWEEP_REACH * MOST_SIGMA);
+  const double reach = 4.0 + (double)(FUM_SWEEP_SPREAD * MOST_SIGMA);
   level->first = (float)(from - (reach + 1.0) * (double)level->slab);
   const double slabs = ceil((to - (double)level->first) / (double)level->slab + reach);
   level->slab_count = 2 * (int32_t)fmin(1e8, ceil(0.5 * slabs));
@@ -128,7 +128,7 @@ static int32_t solve_level(fum_context *context, const fum_sweep_task *task, con
   const fum_sweep_job job = {.casters = fum_medium_casters(medium),
                              .points = task->receivers->octree,
                              .sigma_scale = medium->sigma_scale,
-                             .depth_scale = medium->depth_scale,
+                             .depth_scale = medium->depth_scale / (1.0F - expf(-0.5F * view->reach * view->reach)),
                              .view = view,
                              .level = level,
                              .patches = &patches,

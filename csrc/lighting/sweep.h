@@ -13,7 +13,7 @@
 /* What the patches of a level share. */
 typedef struct fum_sweep_job {
   const fum_octree *casters, *points;
-  float sigma_scale, depth_scale;
+  float sigma_scale, depth_scale; /* of what is put in: that which lies beyond the reach included */
   const fum_sweep_view *view;
   const fum_sweep_level *level;
   const fum_sweep_patches *patches;

@@ -39,13 +39,20 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
                        .upper = {(float)half, (float)half}};
 }
 
-/* How casters are seen: their sigmas, [count], and distances from the light. False if one is large as seen from it. */
-static bool measure(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
+/* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
+static float reach_for(double optical_depth) {
+  const double least = 2.6, most = 4.4, left = 0.02; /* of the optical depth, before the tail falls off from there */
+  return (float)fmin(most, fmax(least, sqrt(2.0 * log(fmax(1.0, optical_depth / left)))));
+}
+
+/* How casters, all within `radius`, are seen: their sigmas, [count], and distances from the light. False if one is
+ * large as seen from it. */
+static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
   const double widest = 0.1; /* sigma over distance */
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle, squared = dot(o, o);
   const bool is_parallel = view->is_parallel;
-  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0;
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, widest_m = 0.0, mass = 0.0;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(min                         \
                                                                                            : nearest, smallest)        \
     reduction(max                                                                                                      \
@@ -54,14 +61,24 @@ static bool measure(fum_context *context, const fum_medium *medium, fum_sweep_vi
     const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
                          (double)(casters->z[i] - view->middle.z)};
     const double distance = is_parallel ? 1.0 : sqrt(squared + 2.0 * dot(o, q) + dot(q, q));
-    const double sigma = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i] / distance;
+    const double sigma_m = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i];
+    const double sigma = sigma_m / distance;
     view->sigmas[i] = casters->optical_depths[i] > 0.0F ? (float)sigma : 0.0F;
     if (!(casters->optical_depths[i] > 0.0F)) continue;
     nearest = distance < nearest ? distance : nearest;
     farthest = distance > farthest ? distance : farthest;
     smallest = sigma < smallest ? sigma : smallest;
     largest = sigma > largest ? sigma : largest;
+    widest_m = sigma_m > widest_m ? sigma_m : widest_m;
   }
+  /* A sum over threads' shares would differ with their number. */
+  for (int64_t i = 0; i < casters->count; i++) {
+    const double sigma = 1.0 / (double)casters->inverse_sigmas[i];
+    mass += (double)casters->optical_depths[i] * sigma * sigma;
+  }
+  const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
+  view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
+  view->reach_m = widest_m * (double)view->reach;
   view->nearest = nearest;
   view->farthest = farthest;
   view->reference = sqrt(nearest * farthest);
@@ -116,8 +133,8 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
   const int32_t status = fum_alloc(context, casters->count, sizeof *view.sigmas, "a light's view", &view.sigmas);
   if (status != FUM_OK) return status;
-  *out_is_clear = measure(context, medium, &view);
-  aim_faces(radius, axis, &view);
+  *out_is_clear = measure(context, medium, radius, &view);
+  aim_faces(radius + view.reach_m, axis, &view);
   *out_view = view;
   return FUM_OK;
 }
@@ -193,7 +210,7 @@ static void find_caster_spans(const sorting *s, int64_t i, span *out) {
     out[n] = (span){{0, 0}, {0, 0}};
   if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
-  const float radius = sigma * (FUM_SWEEP_REACH + FUM_SWEEP_MARGIN * level->cell / seen);
+  const float radius = sigma * (s->view->reach + FUM_SWEEP_MARGIN * level->cell / seen);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
     out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);

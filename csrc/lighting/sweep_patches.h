@@ -28,6 +28,8 @@ typedef struct fum_sweep_view {
   double nearest, farthest; /* of the casters' centres, from the light */
   double reference;         /* distance d at which ranges are 0. They grow with the logarithm of the distance:
                                2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
+  float reach;              /* sigmas across the rays over which casters are put into a grid */
+  double reach_m;           /* that of the largest caster */
   float smallest, largest;  /* of... */
   float *sigmas;            /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
   int32_t face_count;
@@ -49,8 +51,8 @@ typedef struct fum_sweep_patches {
   uint32_t *casters, *receivers;            /* places in their octrees' order */
 } fum_sweep_patches;
 
-/* Sigmas over which a caster is put into the grid. */
-static const float FUM_SWEEP_REACH = 2.8F;
+/* Sigmas along the rays over which a caster is spread; what lies beyond is at its ends. */
+static const float FUM_SWEEP_SPREAD = 3.3F;
 
 /* Grid lines around a point that it is read from, and one for rounding. */
 static const float FUM_SWEEP_MARGIN = 3.0F;

@@ -44,9 +44,6 @@ static inline places find_places(const patch *p, const fum_octree *points, const
  * and so are exact to fourth order, at a step as large as sigma. */
 static const float SPLINE_VARIANCE = 0.33333333F, LEAST_VARIANCE = 0.2F;
 
-/* For what lies beyond the reach: 1 / (1 - exp(-2.8^2 / 2)). */
-static const float BEYOND_REACH = 1.02024F;
-
 static void find_footprints(const patch *p, const uint32_t *indices, int32_t count, footprint *out) {
   const fum_octree *casters = p->job->casters;
   const float cell = p->job->level->cell;
@@ -63,9 +60,8 @@ static void find_footprints(const patch *p, const uint32_t *indices, int32_t cou
   const fum_vf narrow_along = fum_vf_sqrt(fum_vf_at_least(along * along - SPLINE_VARIANCE, LEAST_VARIANCE));
   /* Rays that pass at a distance d come nearest to the centre d^2 / (2 distance) before it. */
   const fum_vf bend = variance * at.slabs_per_metre * fum_vf_sqrt(squared) / at.depth;
-  const fum_vf optical_depth =
-      gather(casters->optical_depths, indices) * (p->job->depth_scale * BEYOND_REACH) * variance * per_narrow;
-  const fum_vf range = is_parallel ? at.range : at.range - bend, reach = FUM_SWEEP_REACH * narrow_along;
+  const fum_vf optical_depth = gather(casters->optical_depths, indices) * p->job->depth_scale * variance * per_narrow;
+  const fum_vf range = is_parallel ? at.range : at.range - bend, reach = FUM_SWEEP_SPREAD * narrow_along;
   const fum_vf values[] = {(at.u - p->lower[0]) / cell,
                            (at.v - p->lower[1]) / cell,
                            at.u,
@@ -73,7 +69,7 @@ static void find_footprints(const patch *p, const uint32_t *indices, int32_t cou
                            squared,
                            0.72134752F * at.depth * at.depth * per_narrow,
                            optical_depth,
-                           FUM_SWEEP_REACH * fum_vf_sqrt(narrow / squared) / step,
+                           p->job->view->reach * fum_vf_sqrt(narrow / squared) / step,
                            range,
                            1.0F / narrow_along,
                            fum_vf_at_least(range - reach, 0.0F),
