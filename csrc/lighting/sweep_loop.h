@@ -9,7 +9,7 @@
 
 /* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
  * faces are open at once; two slabs are worked on at a time. */
-enum { FACES = 16, BATCH = 2, MOST_ROWS = 16, MOST_COLUMNS = 16, MOST_SPAN = FACES - 2 * BATCH };
+enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH };
 
 /* A caster in its patch. */
 typedef struct footprint {
@@ -103,7 +103,8 @@ static void lay_patch(patch *p, int64_t index) {
 
 #include "lighting/sweep_places.h"
 
-static const float NUMBERS[FACES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+static const float NUMBERS[MOST_COLUMNS] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15,
+                                            16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31};
 
 /* Share of a caster in front of each open face, as a line. */
 static void find_line(const patch *p, const footprint *f, float line[FACES]) {
@@ -118,10 +119,10 @@ static void find_line(const patch *p, const footprint *f, float line[FACES]) {
   }
 }
 
-/* A row of a caster's footprint, from column `x` on. */
-static void find_row(const patch *p, const footprint *f, int32_t x, int32_t y, float row[MOST_COLUMNS]) {
+/* `count` columns of a row of a caster's footprint, from `x` on. */
+static void find_row(const patch *p, const footprint *f, int32_t x, int32_t count, int32_t y, float row[MOST_COLUMNS]) {
   const float cell = p->job->level->cell, e2 = ((float)y - f->row) * cell;
-  for (int32_t k = 0; k < MOST_COLUMNS; k += FUM_LANES) {
+  for (int32_t k = 0; k < count; k += FUM_LANES) {
     const fum_vf e1 = (fum_vf_load(NUMBERS + k) + ((float)x - f->column)) * cell;
     fum_vf squared = e1 * e1 + e2 * e2;
     if (!p->job->view->is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series */
@@ -152,10 +153,11 @@ static void deposit(const patch *p, const footprint *f) {
   for (int32_t y = y0; y <= y1; y++) {
     const float dy = (float)y - f->row, half = sqrtf(f->reach * f->reach - dy * dy);
     const int32_t x0 = at_least(f->column - half, 0), x1 = at_most(f->column + half, p->columns - 1);
-    if (x0 > x1) continue;
-    find_row(p, f, x0, y, row);
+    const int32_t wanted = x1 - x0 + 1, count = wanted < MOST_COLUMNS ? wanted : MOST_COLUMNS;
+    if (count <= 0) continue;
+    find_row(p, f, x0, count, y, row);
     float *at = p->lines + ((int64_t)y * p->columns + x0) * FACES;
-    for (int32_t x = 0; x <= x1 - x0; x++, at += FACES) {
+    for (int32_t x = 0; x < count; x++, at += FACES) {
       for (int32_t k = 0; k < FACES / FUM_LANES; k++)
         fum_vf_store(at + k * FUM_LANES, fum_vf_load(at + k * FUM_LANES) + row[x] * shares[k]);
     }

@@ -52,11 +52,11 @@ static bool measure(fum_context *context, const fum_medium *medium, double radiu
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle, squared = dot(o, o);
   const bool is_parallel = view->is_parallel;
-  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, widest_m = 0.0, mass = 0.0;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(min                         \
-                                                                                           : nearest, smallest)        \
-    reduction(max                                                                                                      \
-              : farthest, largest)
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, mass = 0.0;
+  const int threads = fum_thread_count(context);
+#pragma omp parallel for num_threads(threads) reduction(min                                                            \
+                                                        : nearest, smallest) reduction(max                             \
+                                                                                       : farthest, largest, wide)
   for (int64_t i = 0; i < casters->count; i++) {
     const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
                          (double)(casters->z[i] - view->middle.z)};
@@ -69,7 +69,7 @@ static bool measure(fum_context *context, const fum_medium *medium, double radiu
     farthest = distance > farthest ? distance : farthest;
     smallest = sigma < smallest ? sigma : smallest;
     largest = sigma > largest ? sigma : largest;
-    widest_m = sigma_m > widest_m ? sigma_m : widest_m;
+    wide = sigma_m > wide ? sigma_m : wide;
   }
   /* A sum over threads' shares would differ with their number. */
   for (int64_t i = 0; i < casters->count; i++) {
@@ -78,7 +78,7 @@ static bool measure(fum_context *context, const fum_medium *medium, double radiu
   }
   const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
   view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
-  view->reach_m = widest_m * (double)view->reach;
+  view->reach_m = wide * (double)view->reach;
   view->nearest = nearest;
   view->farthest = farthest;
   view->reference = sqrt(nearest * farthest);
@@ -189,7 +189,7 @@ static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, 
     const float first = (low - face->lower[axis]) * per_unit, last = (high - face->lower[axis]) * per_unit;
     const float most = (float)(counts[axis] - 1);
     s.begin[axis] = (uint16_t)(first > 0.0F ? first < most ? first : most : 0.0F);
-    s.end[axis] = (uint16_t)((last < most ? last : most) + 1.0F);
+    s.end[axis] = (uint16_t)((int32_t)(last < most ? last : most) + 1);
   }
   return s;
 }
