@@ -294,10 +294,14 @@ done:
   return status;
 }
 
+void fum_lattice_forget(fum_context *context, fum_lattice *lattice) {
+  fum_free(context, &lattice->depths);
+  fum_free(context, &lattice->visible);
+}
+
 void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
+  fum_lattice_forget(context, lattice);
   fum_hidden_free(context, &lattice->hidden);
   fum_free(context, &lattice->faces);
   fum_free(context, &lattice->samples);
-  fum_free(context, &lattice->depths);
-  fum_free(context, &lattice->visible);
 }

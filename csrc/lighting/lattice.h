@@ -35,6 +35,8 @@ int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const 
 /* Lights the samples of a lattice that was placed. `gathering` comes without receivers. */
 int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
                           int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice);
+/* Forgets the light, not the samples. */
+void fum_lattice_forget(fum_context *context, fum_lattice *lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);
 
 #endif

@@ -16,9 +16,12 @@ typedef struct fum_solver {
 int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
                          const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
 
-/* Has anything been solved by a sweep? */
-static inline bool fum_solver_has_swept(const fum_solver *solver) {
-  return solver->sweep_count > 0;
+/* After the meter has said no: if the choice was free and a sweep was taken, takes back the counts, has everything
+ * solved exactly from now on and returns true. */
+static inline bool fum_solver_fall_back(fum_solver *solver) {
+  if (solver->wanted != FUM_SOLVER_AUTOMATIC || solver->sweep_count == 0) return false;
+  *solver = (fum_solver){.wanted = FUM_SOLVER_EXACT, .tolerance = solver->tolerance};
+  return true;
 }
 
 #endif

@@ -5,7 +5,7 @@
 #include "base/cpu.h"
 #include "lighting/sweep.h"
 
-enum { POINTS = 2000 };
+enum { POINTS = 600 };
 
 /* A cloud, and receivers: particles' centres, points between them and points outside. */
 typedef struct setup {
