@@ -54,11 +54,13 @@ static int light_and_measure(fum_context *context, fum_scene *scene, const optio
   const double rss_mb = peak_rss_mb();
   error_summary errors = {0};
   if (measure_errors(scene, o, c, &errors) != 0) return bench_fail(context);
-  printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"build_s\": %.4f, \"light_s\": "
-         "%.4f, "
-         "\"rms\": %.3g, \"p95\": %.3g, \"worst\": %.3g, \"peak_rss_mb\": %.1f}\n",
-         (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "automatic", o->threads,
-         stats.build_s, stats.light_s, errors.rms, errors.p95, errors.worst, rss_mb);
+  printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, ", (long long)c->count, o->lights,
+         stats.solver == FUM_SOLVER_EXACT ? "exact" : "automatic", o->threads);
+  print_settings(&o->settings);
+  print_meter(&stats);
+  printf("\"build_s\": %.4f, \"light_s\": %.4f, \"sample\": %lld, \"rms\": %.3g, \"p95\": %.3g, \"worst\": %.3g, "
+         "\"peak_rss_mb\": %.1f}\n",
+         stats.build_s, stats.light_s, (long long)o->sample, errors.rms, errors.p95, errors.worst, rss_mb);
   return 0;
 }
 

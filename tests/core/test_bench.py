@@ -50,6 +50,27 @@ def test_frame_writes_the_picture(tmp_path: Path) -> None:
     assert channels["A"][0, 0] < 0.01 and channels["R"].max() > 0.01
 
 
+def test_frame_says_how_exact_light_is() -> None:
+    found = row("frame", "--particles", 5_000, "--width", 96, "--height", 64, "--tolerance", 0.02, "--leaf", 32)
+    assert (found["tolerance"], found["leaf"], found["subsampling"]) == (0.02, 32, 1)
+    assert found["accuracy_count"] > 100 and found["refinements"] >= 0 and found["light_points"] > 1_000
+    assert 0 < found["accuracy_rms"] < found["accuracy_worst"] and found["accuracy_rms"] < 0.02
+
+
+def test_frame_draws_larger_and_denser_particles(tmp_path: Path) -> None:
+    """Larger ones are lit as before, so that with light at their centres its errors are the same."""
+    pictures, rows = [], []
+    for index, more in enumerate(((), ("--grow", 3), ("--dense", 4))):
+        path = tmp_path / f"{index}.exr"
+        size = ("--particles", 5_000, "--width", 96, "--height", 64, "--device", "gl", "--exr", path)
+        rows.append(row("frame", *size, *more))
+        pictures.append(read_exr(path)["A"])
+    assert [(found["grow"], found["dense"]) for found in rows] == [(1, 1), (3, 1), (1, 4)]
+    assert rows[1]["accuracy_rms"] == pytest.approx(rows[0]["accuracy_rms"], rel=0.05) and rows[0]["accuracy_rms"] > 0
+    for alpha in pictures[1:]:
+        assert alpha.sum() > 1.1 * pictures[0].sum()
+
+
 HEADER = """ply
 format binary_little_endian 1.0
 comment made by a test
@@ -115,6 +136,8 @@ def test_broken_ply_is_named(content: bytes, message: str, tmp_path: Path) -> No
         ["lighting", "--solver", "guess"],
         ["frame", "--width", "x"],
         ["frame", "--then"],
+        ["frame", "--grow", "0"],
+        ["lighting", "--grow", "2"],
         ["image", "--light", "top"],
     ],
 )
