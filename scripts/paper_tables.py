@@ -3,30 +3,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from charts_draw import Row, numbers, read, select, values
+from doc_tables import error, markdown, put, seconds
 from paper_draw import exponent
 
 # Seconds that the paper's table 3 gives for 3,000,000 particles: theirs, and Krakatoa's.
 PAPER_SUBSAMPLING = {1.0: (10.4, 17.8), 0.5: (5.5, 9.0), 0.1: (3.5, 2.2)}
-
-
-def seconds(value: float) -> str:
-    """Three digits at most."""
-    return f"{value:.0f}" if value >= 100 else f"{value:.1f}" if value >= 10 else f"{value:.2f}" if value >= 0.1 else f"{value:.3f}"
-
-
-def error(value: float) -> str:
-    """Two digits, as in 1.1e-4."""
-    return re.sub(r"e-0*", "e-", f"{value:.1e}") if value else "0"
-
-
-def markdown(titles: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    lines = [titles, ["---"] * len(titles), *rows]
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def take(row: Row, columns: Iterable[str]) -> list[str]:
@@ -143,8 +128,7 @@ TABLES: dict[str, Callable[[Path], str]] = {
 
 
 def fill(text: str, charts: Path) -> str:
-    """A document in which each table stands between <!-- table NAME --> and <!-- end -->, with these tables anew."""
+    """The document with these tables anew."""
     for name, make in TABLES.items():
-        pattern = rf"(<!-- table {name} -->\n).*?(<!-- end -->)"
-        text = re.sub(pattern, lambda match, make=make: f"{match[1]}{make(charts)}\n{match[2]}", text, flags=re.S)
+        text = put(text, name, make(charts))
     return text

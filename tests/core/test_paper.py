@@ -79,11 +79,6 @@ def test_growth_is_the_slope_of_the_logarithms() -> None:
     assert paper_draw.exponent([512, 1024, 2048], [1, 4, 16]) == pytest.approx(2)
 
 
-def test_numbers_are_short() -> None:
-    assert [paper_tables.seconds(value) for value in (123.4, 12.34, 1.234, 0.01234)] == ["123", "12.3", "1.23", "0.012"]
-    assert [paper_tables.error(value) for value in (0.00011, 0.012, 0)] == ["1.1e-4", "1.2e-2", "0"]
-
-
 def test_sheets_show_pictures_under_one_exposure(tmp_path: Path) -> None:
     from matplotlib import pyplot
 
