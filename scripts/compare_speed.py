@@ -19,6 +19,7 @@ import argparse
 import csv
 import math
 import os
+import resource
 import sys
 import time
 from collections.abc import Sequence
@@ -41,8 +42,9 @@ from fumarole import core  # noqa: E402
 ALBEDO = (0.8, 0.8, 0.8)
 CAMERA, LENS = (0.0, -8.0, 1.5), 72.0
 LAMP, POWER = (5.0, -2.0, 4.0), 4000.0
+TOLERANCES = (0.1, 0.01)  # of Fumarole; the last one is its default
 EVERY = 8  # pixels of the picture along a side for one of Fumarole's reference
-COLUMNS = ("engine", "samples", "tolerance", "threads", "seconds", "error")
+COLUMNS = ("engine", "samples", "tolerance", "threads", "seconds", "processor_s", "error")
 
 Row = dict[str, object]
 
@@ -107,15 +109,20 @@ def build_scene(smoke: speed_match.Smoke, spheres: speed_match.Spheres, size: in
     cycles.device = "CPU"
 
 
-def render(engine: str, samples: int = 1, seed: int = 0) -> tuple[np.ndarray, float]:
-    """(height, width, 4), first row at the bottom, and the seconds that it took."""
+def processor_seconds() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def render(engine: str, samples: int = 1, seed: int = 0) -> tuple[np.ndarray, Row]:
+    """(height, width, 4), first row at the bottom, and what it took: on the clock, and of all threads."""
     scene = bpy.context.scene
     scene.render.engine = engine
     for name in ("FUMAROLE", "CYCLES"):
         bpy.data.objects[name].hide_render = name != engine
-    start = time.monotonic()
+    start, work = time.monotonic(), processor_seconds()
     picture = compare_cycles.render_cycles(samples, seed)
-    return picture, time.monotonic() - start
+    return picture, {"seconds": time.monotonic() - start, "processor_s": processor_seconds() - work}
 
 
 def reference(smoke: speed_match.Smoke, size: int) -> np.ndarray:
@@ -145,7 +152,7 @@ def measure_cycles(counts: Sequence[int], converged: int) -> tuple[list[Row], di
     Two independent pictures of the same number of samples differ by sqrt(2) times their error. Their mean still has
     error / sqrt(2); that is taken off the difference to the others.
     """
-    first, seconds = render("CYCLES", converged, seed=99)
+    first, most = render("CYCLES", converged, seed=99)
     second, _ = render("CYCLES", converged, seed=7777)
     truth = 0.5 * (first + second)
     last = relative_rms(first, second) / math.sqrt(2.0)
@@ -153,36 +160,46 @@ def measure_cycles(counts: Sequence[int], converged: int) -> tuple[list[Row], di
     for samples in counts:
         pictures[samples], took = render("CYCLES", samples, seed=1001 * samples)
         error = math.sqrt(max(0.0, relative_rms(pictures[samples], truth) ** 2 - 0.5 * last**2))
-        rows.append({"engine": "Cycles", "samples": samples, "seconds": took, "error": error})
-    return [*rows, {"engine": "Cycles", "samples": converged, "seconds": seconds, "error": last}], pictures, truth
+        rows.append({"engine": "Cycles", "samples": samples, **took, "error": error})
+    return [*rows, {"engine": "Cycles", "samples": converged, **most, "error": last}], pictures, truth
 
 
-def measure_fumarole(smoke: speed_match.Smoke, size: int) -> tuple[Row, np.ndarray]:
-    """Its row, with the median time of five, and the picture."""
-    runs = [render("FUMAROLE") for _ in range(5)]
-    picture = runs[0][0]
-    error = relative_rms(picture[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY], reference(smoke, size))
-    tolerance = bpy.context.scene.fumarole.tolerance
-    seconds = sorted(took for _, took in runs)[2]
-    return {"engine": "Fumarole", "tolerance": tolerance, "seconds": seconds, "error": error}, picture
+def measure_fumarole(smoke: speed_match.Smoke, size: int) -> tuple[list[Row], np.ndarray]:
+    """A row for each tolerance, with the median time of five, and the last picture."""
+    truth, settings = reference(smoke, size), bpy.context.scene.fumarole
+    rows = []
+    for tolerance in TOLERANCES:
+        settings.tolerance = tolerance
+        runs = [render("FUMAROLE") for _ in range(5)]
+        picture = runs[0][0]
+        error = relative_rms(picture[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY], truth)
+        took = sorted((took for _, took in runs), key=lambda took: took["seconds"])[2]
+        rows.append({"engine": "Fumarole", "tolerance": tolerance, **took, "error": error})
+    return rows, picture
 
 
 def extrapolate(rows: Sequence[Row], error: float) -> Row:
     """What Cycles would take for this error if it went on to fall as it did over the last rows."""
-    before, last = rows[-3], rows[-1]
+    before, last = rows[-3:][0], rows[-1]
     rate = math.log(before["error"] / last["error"]) / math.log(last["samples"] / before["samples"])
     more = (last["error"] / error) ** (1.0 / rate)
-    return {"samples": last["samples"] * more, "seconds": last["seconds"] * more, "error": error, "rate": rate}
+    grown = {name: last[name] * more for name in ("samples", "seconds", "processor_s")}
+    return grown | {"error": error, "rate": rate}
 
 
-def make_table(cycles: Sequence[Row], ours: Row) -> str:
-    cells = [[row["engine"], f"{row['samples']:,} samples", row["seconds"], row["error"]] for row in cycles]
-    further = extrapolate(cycles, ours["error"])
-    setting = f"{further['samples']:,.0f} samples, extrapolated (error falls as samples^-{further['rate']:.2f})"
-    cells.append(["Cycles", setting, further["seconds"], further["error"]])
-    cells.append(["Fumarole", f"tolerance {100 * ours['tolerance']:.2g} %", ours["seconds"], ours["error"]])
-    titles = ("engine", "setting", "time (s)", "error against its own truth")
-    return doc_tables.markdown(titles, [[*row[:2], doc_tables.seconds(row[2]), f"{100 * row[3]:.2g} %"] for row in cells])
+def make_table(cycles: Sequence[Row], ours: Sequence[Row]) -> str:
+    further = extrapolate(cycles, ours[-1]["error"])
+    named = [(row, "Cycles", f"{row['samples']:,} samples") for row in cycles]
+    samples = float(f"{further['samples']:.2g}")
+    guess = f"{samples:,.0f} samples, extrapolated: error falls as samples^-{further['rate']:.2f}"
+    named.append((further, "Cycles", guess))
+    named += [(row, "Fumarole", f"tolerance {100 * row['tolerance']:.2g} %") for row in ours]
+    titles = ("engine", "setting", "time (s)", "processor time (s)", "error against its own truth")
+    cells = [
+        [engine, setting, *(doc_tables.seconds(row[name]) for name in ("seconds", "processor_s")), f"{100 * row['error']:.2g} %"]
+        for row, engine, setting in named
+    ]
+    return doc_tables.markdown(titles, cells)
 
 
 def match_table(smoke: speed_match.Smoke, spheres: speed_match.Spheres, ours: np.ndarray, truth: np.ndarray) -> str:
@@ -234,7 +251,7 @@ def main() -> None:
     cycles, pictures, truth = measure_cycles(options.samples, options.converged)
     for name in ("charts", "pictures"):
         (options.folder / name).mkdir(parents=True, exist_ok=True)
-    write_csv(options.folder / "charts" / "cycles.csv", [*cycles, ours], options.threads)
+    write_csv(options.folder / "charts" / "cycles.csv", [*cycles, *ours], options.threads)
     write_pictures(options.folder / "pictures" / "cycles_and_fumarole.png", pictures, truth, picture)
     document = options.folder / "PERFORMANCE.md"
     tables = {"cycles": make_table(cycles, ours), "cycles_match": match_table(smoke, spheres, picture, truth)}
