@@ -156,7 +156,7 @@ def measure(item: Run, folder: Path) -> tuple[Row, np.ndarray | None]:
     rows = [charts_measure.measure(options)[0] for _ in range(item.repeats)]
     row = sorted(rows, key=time_of)[len(rows) // 2]
     if str(row.get("device", "")).startswith("llvmpipe"):
-        row["device"] = "gl, llvmpipe"  # without versions, which hold commas
+        row["device"] = "gl (llvmpipe)"  # without its version
     if not item.picture:
         return row, None
     channels = read_exr(path)
