@@ -41,7 +41,6 @@ def set_axes(axes: Axes, x_label: str, ticks: Sequence[float], label: object = p
     steps = (1, 3) if high > 30 * low else (1, 2, 5)
     scale(axes.yaxis, round_ticks(low, high, steps), plain)
     axes.set_xlabel(x_label)
-    axes.legend(frameon=False, fontsize=9)
 
 
 def draw_line(axes: Axes, rows: list[Row], x: str, y: str, name: str, index: int, **more: object) -> None:
@@ -65,6 +64,7 @@ def draw_lighting(charts: Path) -> Figure:
             draw_line(axes, select(rows, solver=solver), column, "light_s", solver, index)
         draw_guide(axes, rows, column, "light_s", "in proportion")
         set_axes(axes, column, numbers(rows, column), short)
+    panels[0].legend(frameon=False, fontsize=9)
     panels[0].set_title("lighting (s), one light")
     panels[1].set_title(f"lighting (s), {short(float(rows[0]['particles']))} particles")
     return figure
@@ -88,6 +88,7 @@ def draw_frame(charts: Path) -> Figure:
         draw_parts(axes, rows, column)
         set_axes(axes, label, numbers(rows, column), lambda value, _: f"{value:g}")
         axes.set_title(f"time (s), {short(float(rows[0]['particles']))} particles, one light")
+    panels[0].legend(frameon=False, fontsize=9)
     return figure
 
 
@@ -102,6 +103,7 @@ def draw_looks(charts: Path) -> Figure:
             draw_line(axes, line, column, "light_s", f"light, {device}", index, linestyle=DASHED, mfc="white")
         set_axes(axes, label, numbers(rows, column))
         axes.set_title(f"time (s), {short(float(rows[0]['particles']))} particles, one light")
+    panels[0].legend(frameon=False, fontsize=9)  # for both
     return figure
 
 
