@@ -9,7 +9,7 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,6 +94,13 @@ def measure(run: list[str]) -> list[dict[str, object]]:
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
+def write_rows(path: Path, rows: Iterable[Mapping[str, object]], columns: Sequence[str]) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def measure_all() -> int:
     """Writes every file. One that a run of which failed stays as it was; returns how many did."""
     CHARTS.mkdir(exist_ok=True)
@@ -105,8 +112,5 @@ def measure_all() -> int:
             print(f"bench charts: {name}.csv is left as it was: {error}", file=sys.stderr)
             failed += 1
             continue
-        with (CHARTS / f"{name}.csv").open("w", newline="") as file:
-            writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(rows)
+        write_rows(CHARTS / f"{name}.csv", rows, COLUMNS)
     return failed

@@ -16,6 +16,18 @@ int bench_no_memory(void) {
   return 1;
 }
 
+void print_settings(const fum_settings *settings) {
+  printf("\"tolerance\": %g, \"leaf\": %d, \"subsampling\": %g, ", (double)settings->tolerance, settings->leaf_size,
+         (double)settings->subsampling);
+}
+
+void print_meter(const fum_render_stats *stats) {
+  printf("\"light_points\": %lld, \"refinements\": %lld, \"accuracy_count\": %lld, \"accuracy_rms\": %.3g, "
+         "\"accuracy_p95\": %.3g, \"accuracy_worst\": %.3g, \"accuracy_bias\": %.3g, \"meter_s\": %.4f, ",
+         (long long)stats->light_points, (long long)stats->refinement_count, (long long)stats->accuracy_count,
+         stats->accuracy_rms, stats->accuracy_p95, stats->accuracy_worst, stats->accuracy_bias, stats->meter_s);
+}
+
 double peak_rss_mb(void) {
   struct rusage usage;
   getrusage(RUSAGE_SELF, &usage);
@@ -49,6 +61,7 @@ int main(int argc, char **argv) {
     fprintf(stderr, "fumarole-bench: %s\n", error);
     return 1;
   }
+  if (o.grow != 1.0 || o.dense != 1.0) cloud_scale(&c, o.grow, o.dense);
   fum_context *context = NULL;
   status = fum_context_create(&context) == FUM_OK ? run(context, &o, &c) : bench_fail(NULL);
   fum_context_destroy(context);

@@ -17,6 +17,10 @@ int bench_fail(const fum_context *context);
 /* The same where a picture's memory is missing. */
 int bench_no_memory(void);
 
+/* Parts of a row: what was asked for, and what the meter of the light's accuracy found. */
+void print_settings(const fum_settings *settings);
+void print_meter(const fum_render_stats *stats);
+
 double peak_rss_mb(void);
 
 /* Processor time of this program so far, over all its threads. */

@@ -5,6 +5,28 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+/* With them lights see particles that are drawn larger as they were. */
+static fum_settings settings_of(const options *o) {
+  fum_settings settings = o->settings;
+  settings.intersection_scale = (float)(1.0 / o->grow);
+  settings.shadowing_density = (float)o->grow;
+  return settings;
+}
+
+/* What was asked for and what came of it. */
+static void print_row(const options *o, const cloud *c, const fum_render_stats *s) {
+  printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"width\": %d, \"height\": %d, "
+         "\"device\": \"%s\", \"grow\": %g, \"dense\": %g, ",
+         (long long)c->count, o->lights, s->solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads, o->width,
+         o->height, s->device, o->grow, o->dense);
+  print_settings(&o->settings);
+  print_meter(s);
+  printf("\"drawn\": %lld, \"build_s\": %.4f, \"light_s\": %.4f, \"sort_s\": %.4f, \"draw_s\": %.4f, "
+         "\"passes_s\": %.4f, \"total_s\": %.4f, \"peak_rss_mb\": %.1f}\n",
+         (long long)s->drawn_count, s->build_s, s->light_s, s->sort_s, s->draw_s, s->passes_s, s->total_s,
+         peak_rss_mb());
+}
+
 /* Renders, prints the row and writes the picture. `depth` NULL: without. */
 static int draw(fum_context *context, fum_scene *scene, const options *o, const cloud *c, float *combined,
                 float *depth) {
@@ -12,18 +34,13 @@ static int draw(fum_context *context, fum_scene *scene, const options *o, const 
   const fum_camera camera = stage_camera(c, o->width, o->height);
   const fum_pass_buffer passes[2] = {{.pass = FUM_PASS_COMBINED, .pixels = combined, .pixels_size = 4 * pixels},
                                      {.pass = FUM_PASS_DEPTH, .pixels = depth, .pixels_size = pixels}};
+  const fum_settings settings = settings_of(o);
   fum_render_stats stats;
   fum_render_stats_init(&stats);
-  if (fum_render(scene, &camera, &o->settings, depth != NULL ? 2 : 1, passes, &stats) != FUM_OK) {
+  if (fum_render(scene, &camera, &settings, depth != NULL ? 2 : 1, passes, &stats) != FUM_OK) {
     return bench_fail(context);
   }
-  printf(
-      "{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"width\": %d, \"height\": %d, "
-      "\"device\": \"%s\", \"drawn\": %lld, \"build_s\": %.4f, \"light_s\": %.4f, \"meter_s\": %.4f, \"sort_s\": %.4f, "
-      "\"draw_s\": %.4f, \"passes_s\": %.4f, \"total_s\": %.4f, \"peak_rss_mb\": %.1f}\n",
-      (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads, o->width,
-      o->height, stats.device, (long long)stats.drawn_count, stats.build_s, stats.light_s, stats.meter_s, stats.sort_s,
-      stats.draw_s, stats.passes_s, stats.total_s, peak_rss_mb());
+  print_row(o, c, &stats);
   if (o->exr == NULL) return 0;
   const fum_image_layer layers[2] = {{"", "RGBA", combined}, {"Depth", "Z", depth}};
   const int32_t status = fum_exr_write(context, o->exr, o->width, o->height, depth != NULL ? 2 : 1, layers);

@@ -10,20 +10,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Errors of the transmittance at randomly chosen particles, over all lights. */
-static int measure_errors(fum_scene *scene, const options *o, const cloud *c, error_summary *out) {
+/* Errors of the transmittance at randomly chosen particles, over all lights, by the solver that lit them. */
+static int measure_errors(fum_scene *scene, const options *o, int32_t solver, const cloud *c, error_summary *out) {
+  fum_settings settings = o->settings;
   const int64_t sample = o->sample < c->count ? o->sample : c->count;
   const size_t n = (size_t)(sample > 0 ? sample : 1);
   float *points = malloc(3 * n * sizeof *points), *found = malloc(n * sizeof *found);
   double *errors = malloc(n * (size_t)(o->lights > 0 ? o->lights : 1) * sizeof *errors);
   int status = points == NULL || found == NULL || errors == NULL;
+  settings.solver = solver;
   for (int64_t i = 0; i < sample && status == 0; i++) {
     const int64_t chosen = (int64_t)(fum_hash64((uint64_t)i) % (uint64_t)c->count);
     memcpy(points + 3 * i, c->positions + 3 * chosen, 3 * sizeof *points);
   }
   int64_t count = 0;
   for (int light = 0; light < o->lights && status == 0; light++) {
-    status = fum_scene_transmittance(scene, &o->settings, light, sample, points, found);
+    status = fum_scene_transmittance(scene, &settings, light, sample, points, found);
     double position[3], to[3];
     stage_ring(light, position);
     stage_place(c, position, to);
@@ -53,12 +55,14 @@ static int light_and_measure(fum_context *context, fum_scene *scene, const optio
   if (fum_render(scene, &camera, &settings, 1, &pass, &stats) != FUM_OK) return bench_fail(context);
   const double rss_mb = peak_rss_mb();
   error_summary errors = {0};
-  if (measure_errors(scene, o, c, &errors) != 0) return bench_fail(context);
-  printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, \"build_s\": %.4f, \"light_s\": "
-         "%.4f, "
-         "\"rms\": %.3g, \"p95\": %.3g, \"worst\": %.3g, \"peak_rss_mb\": %.1f}\n",
-         (long long)c->count, o->lights, stats.solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads,
-         stats.build_s, stats.light_s, errors.rms, errors.p95, errors.worst, rss_mb);
+  if (measure_errors(scene, o, stats.solver, c, &errors) != 0) return bench_fail(context);
+  printf("{\"particles\": %lld, \"lights\": %d, \"solver\": \"%s\", \"threads\": %d, ", (long long)c->count, o->lights,
+         stats.solver == FUM_SOLVER_EXACT ? "exact" : "sweep", o->threads);
+  print_settings(&o->settings);
+  print_meter(&stats);
+  printf("\"build_s\": %.4f, \"light_s\": %.4f, \"sample\": %lld, \"rms\": %.3g, \"p95\": %.3g, \"worst\": %.3g, "
+         "\"peak_rss_mb\": %.1f}\n",
+         stats.build_s, stats.light_s, (long long)o->sample, errors.rms, errors.p95, errors.worst, rss_mb);
   return 0;
 }
 

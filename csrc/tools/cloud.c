@@ -38,6 +38,13 @@ void cloud_free(cloud *c) {
   *c = (cloud){0};
 }
 
+void cloud_scale(cloud *c, double grow, double dense) {
+  for (int64_t i = 0; i < c->count; i++) {
+    c->radii[i] = (float)((double)c->radii[i] * grow);
+    c->densities[i] = (float)((double)c->densities[i] * dense / grow);
+  }
+}
+
 void cloud_frame(cloud *c) {
   double lower[3] = {INFINITY, INFINITY, INFINITY}, upper[3] = {-INFINITY, -INFINITY, -INFINITY}, squared = 0.0;
   for (int64_t i = 0; i < 3 * c->count; i++) {

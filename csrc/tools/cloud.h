@@ -29,6 +29,9 @@ int cloud_read_ply(const char *path, cloud *out_cloud, char out_error[256]);
 int cloud_allocate(int64_t count, cloud *out_cloud);
 void cloud_free(cloud *c);
 
+/* Particles `grow` times as large of the same optical depth, then `dense` times as dense. */
+void cloud_scale(cloud *c, double grow, double dense);
+
 /* Frames the box around all particles. */
 void cloud_frame(cloud *c);
 

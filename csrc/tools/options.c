@@ -26,6 +26,7 @@ static const char USAGE[] =
     "  --solver automatic|exact|sweep, --sample N (particles checked by brute force, default 256)\n"
     "frame: time of a picture\n"
     "  --depth (Depth pass as well), --exr FILE\n"
+    "  --grow X (particles are drawn X times as large, as opaque and lit as before), --dense X (times their density)\n"
     "reference: the same picture by brute force\n"
     "  --depth D (optical depth across the scene), --exr FILE\n"
     "image: errors of the picture against the reference, a row for each position of the light\n"
@@ -70,6 +71,8 @@ static bool parse_number(options *o, const char *name, const char *value) {
       {"--sample", .big = &o->sample},
       {"--depth", .real = &o->depth},
       {"--overlap", .real = &o->overlap},
+      {"--grow", .real = &o->grow},
+      {"--dense", .real = &o->dense},
       {"--lights", .whole = &o->lights},
       {"--threads", .whole = &o->threads},
       {"--width", .whole = &o->width},
@@ -118,6 +121,8 @@ static void set_defaults(options *o, const char *command) {
                  .particles = -1,
                  .sample = 256,
                  .lights = 1,
+                 .grow = 1.0,
+                 .dense = 1.0,
                  .repeat = 1};
   fum_settings_init(&o->settings);
   fum_reference_settings_init(&o->reference);
@@ -134,9 +139,12 @@ static void set_sizes(options *o) {
 }
 
 static bool is_in_range(const options *o) {
+  const bool is_frame = strcmp(o->command, "frame") == 0;
+  if (!is_frame && (o->grow != 1.0 || o->dense != 1.0)) return false;
   return o->particles >= -1 && o->lights >= 0 && o->lights <= 1024 && o->sample >= 0 && o->depth >= 0.0 &&
-         o->overlap >= 0.0 && o->every >= 1 && o->every <= 1024 && o->repeat >= 1 && o->repeat <= OPTIONS_MAX_REPEAT &&
-         o->width >= 1 && o->height >= 1 && o->width <= 65536 && o->height <= 65536;
+         o->overlap >= 0.0 && o->grow >= 0.01 && o->grow <= 100.0 && o->dense >= 0.0 && o->dense <= 1e6 &&
+         o->every >= 1 && o->every <= 1024 && o->repeat >= 1 && o->repeat <= OPTIONS_MAX_REPEAT && o->width >= 1 &&
+         o->height >= 1 && o->width <= 65536 && o->height <= 65536;
 }
 
 int options_parse(int argc, char **argv, options *o) {

@@ -14,6 +14,8 @@ typedef struct options {
   int64_t sample;
   double depth;   /* optical depth; 0: the scene's own */
   double overlap; /* n sigma^3; 0: the scene's own */
+  double grow;    /* frame: factor on the particles' radius as the camera sees it */
+  double dense;   /* factor on the particles' density */
   int32_t lights, threads, width, height;
   int32_t every;       /* image: compare every such pixel of every such row */
   int32_t repeat;      /* image: renders of each row, of which the one of the median processor time counts */

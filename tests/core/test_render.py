@@ -188,7 +188,7 @@ def test_bits_do_not_depend_on_threads() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"solver": "FAST"}, "settings: solver is 'FAST', expected one of AUTOMATIC, EXACT"),
+        ({"solver": "FAST"}, "settings: solver is 'FAST', expected one of AUTOMATIC, EXACT, SWEEP"),
         ({"device": "CUDA"}, "settings: device is 'CUDA', expected one of AUTO, GL"),
         ({"leaf_size": 2.5}, "settings: leaf_size is 2.5, expected a whole number"),
         ({"leaf_size": 2**40}, "settings: leaf_size is 1099511627776, which is out of range"),

@@ -31,7 +31,7 @@ def _default(name: str) -> Any:
 class Settings:
     """How a scene is lit and drawn. Values out of range raise FumaroleError when the settings are used.
 
-    solver: "AUTOMATIC" takes the cheapest that keeps the tolerance; "EXACT".
+    solver: "AUTOMATIC" takes the faster one that keeps the tolerance; "EXACT"; "SWEEP" where a sweep is possible.
     device: what draws: "AUTO", "TILES" or "GL".
     leaf_size: an octree cell is subdivided above this many particles, 1..4096.
     light_samples: most sample points of a soft light, 1..1024.
