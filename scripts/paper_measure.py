@@ -16,7 +16,7 @@ import paper_pictures
 from exr_reader import read_exr
 
 # Those of --solver that are held against each other.
-SOLVERS = ("exact",)
+SOLVERS = ("exact", "sweep")
 
 LIGHTING = (
     "particles", "lights", "solver", "threads", "tolerance", "leaf", "subsampling", "build_s", "light_s", "sample",
