@@ -87,7 +87,9 @@ def stable_ids(key: str, indices: np.ndarray) -> np.ndarray:
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (n, 3) moved by a (4, 4) matrix, float32."""
-    return (points @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+    moved = points @ matrix[:3, :3].T
+    moved += matrix[:3, 3]
+    return moved.astype(np.float32)
 
 
 def transform_vectors(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:
