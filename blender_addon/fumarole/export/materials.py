@@ -104,7 +104,8 @@ def emits_light(material: bpy.types.Material | None) -> bool:
 
 def default_volume() -> Volume:
     """Grey smoke for particles without a volume material."""
-    return Volume(np.full(1, DEFAULT_EXTINCTION, np.float32), np.full((1, 3), DEFAULT_ALBEDO, np.float32), _NOTHING, 0.0)
+    extinction = np.full(1, DEFAULT_EXTINCTION, dtype=np.float32)
+    return Volume(extinction, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0)
 
 
 def read_volume(

@@ -18,7 +18,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 class NodeReader:
     """Evaluates the sockets of one data block's node tree.
 
-    Values come back as float32 arrays, which is what Blender holds, whose first axis has length 1 (a constant) or n (an attribute of n points).
+    Values come back as float32 arrays, which is what Blender holds; their first axis has length 1 (a constant) or n (an
+    attribute of n points).
     What can't be read is named in a warning, and the socket's own value is used.
     """
 

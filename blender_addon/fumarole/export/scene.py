@@ -60,7 +60,7 @@ def build(scene: Scene, context: core.Context) -> core.Scene:
 
 
 def build_matter(scene: Scene, context: core.Context) -> core.Scene:
-    """The core scene without its lights: what octrees and meshes' hierarchies are made of. Raises core.FumaroleError."""
+    """The core scene without lights: what octrees and hierarchies are made of. Raises core.FumaroleError."""
     result = core.Scene(context)
     for item in scene.particles:
         volume = item.volume
