@@ -109,7 +109,7 @@ def measure(particles: int, repeats: int) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(prog="./run bench export", description="From Blender to the C scene.")
     parser.add_argument("--particles", type=int, default=1_000_000)
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--blender", default="3.4", help="3.4, or a version that ./run test all has installed")
     arguments = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else None)
     if "--" in sys.argv:
