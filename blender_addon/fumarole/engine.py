@@ -13,6 +13,7 @@ import numpy as np
 from . import compat, core
 from .export.camera import border, export_camera, resolution
 from .export.scene import Scene, build, export_scene
+from .kept import Keeper
 from .passes import enabled
 
 # Where each stage of a render begins and how much of it it is, for the progress bar.
@@ -30,6 +31,10 @@ _reported: set[str] = set()
 _last_stats: core.Stats | None = None
 
 
+# What Blender's persistent data keeps; there is none while the add-on is disabled.
+_keeper: Keeper | None = None
+
+
 def last_stats() -> core.Stats | None:
     """What the last render did, None before the first one."""
     return _last_stats
@@ -44,6 +49,12 @@ def accuracy_text(stats: core.Stats) -> str:
 @bpy.app.handlers.persistent
 def _forget_warnings(*_arguments: object) -> None:
     _reported.clear()
+
+
+@bpy.app.handlers.persistent
+def _forget_scene(*_arguments: object) -> None:
+    if _keeper is not None:
+        _keeper.clear()
 
 
 class FumaroleEngine(bpy.types.RenderEngine):
@@ -73,11 +84,11 @@ class FumaroleEngine(bpy.types.RenderEngine):
         with self._reporting():
             render = depsgraph.scene.render
             threads = render.threads if render.threads_mode == "FIXED" else 0
-            with core.Context(threads) as context:
-                core_scene = build(scene, context)
+            with _core_scene(scene, threads, render.use_persistent_data) as (core_scene, warnings):
+                self._warn(warnings)
                 views = _views(render)
                 for index, view in enumerate(views):
-                    context.progress = self._progress(index, len(views))
+                    core_scene.context.progress = self._progress(index, len(views))
                     self._render_view(depsgraph, core_scene, scene, view)
 
     def update_render_passes(
@@ -184,6 +195,28 @@ class FumaroleEngine(bpy.types.RenderEngine):
                 self.report({"WARNING"}, f"Fumarole: {text}")
 
 
+@contextlib.contextmanager
+def _core_scene(scene: Scene, threads: int, is_persistent: bool) -> Iterator[tuple[core.Scene, list[str]]]:
+    """The core scene to render and the warnings of making it, if those are not its context's. Raises FumaroleError.
+
+    Persistent: it is kept for the next render, which has it as it is if its particles and meshes are the same. After
+    a failure nothing is kept.
+    """
+    keeper = _keeper
+    if keeper is None or not is_persistent:
+        _forget_scene()
+        with core.Context(threads) as context:
+            yield build(scene, context), []
+        return
+    kept = keeper.take(scene, threads)
+    try:
+        yield kept.core_scene, kept.warnings
+    except BaseException:
+        kept.close()
+        raise
+    keeper.keep(kept)
+
+
 def _views(render: bpy.types.RenderSettings) -> list[str]:
     """Names of the views to render, "" where there is one only."""
     if not render.use_multiview:
@@ -208,10 +241,18 @@ def _put_over(combined: np.ndarray, background: np.ndarray) -> None:
 
 
 def register() -> None:
+    global _keeper
     bpy.utils.register_class(FumaroleEngine)
+    _keeper = Keeper()
     bpy.app.handlers.render_init.append(_forget_warnings)
+    bpy.app.handlers.load_pre.append(_forget_scene)
 
 
 def unregister() -> None:
+    global _keeper
+    bpy.app.handlers.load_pre.remove(_forget_scene)
     bpy.app.handlers.render_init.remove(_forget_warnings)
+    if _keeper is not None:
+        _keeper.close()
+    _keeper = None
     bpy.utils.unregister_class(FumaroleEngine)

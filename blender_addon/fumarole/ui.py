@@ -117,6 +117,7 @@ class FUMAROLE_PT_performance(FumarolePanel, bpy.types.Panel):
         threads.prop(render, "threads")
         column.prop(context.scene.fumarole, "device")
         column.prop(context.scene.fumarole, "leaf_size")
+        column.prop(render, "use_persistent_data", text="Persistent Data")
 
 
 class FUMAROLE_PT_passes(FumarolePanel, bpy.types.Panel):

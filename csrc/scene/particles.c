@@ -77,6 +77,19 @@ static const char *unusable_field(const fum_particles_desc *d, int64_t i) {
   return NULL;
 }
 
+static bool has_size(const fum_particles_desc *d, int64_t i) {
+  return d->radii != NULL ? d->radii[i] > 0.0F : d->radius > 0.0F;
+}
+
+/* Whether every particle is usable and already where its id puts it: then nothing has to be chosen or sorted. */
+static bool is_tidy(fum_context *context, const fum_particles_desc *d) {
+  int64_t untidy = 0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : untidy)
+  for (int64_t i = 0; i < d->count; i++)
+    untidy += unusable_field(d, i) != NULL || !has_size(d, i) || (d->ids != NULL && i > 0 && d->ids[i] < d->ids[i - 1]);
+  return untidy == 0;
+}
+
 /* Indices of the usable particles in the order of their ids. */
 static int32_t choose_particles(fum_context *context, const fum_particles_desc *d, uint32_t *out_chosen,
                                 int64_t *out_count, drop_report *out_report) {
@@ -89,7 +102,7 @@ static int32_t choose_particles(fum_context *context, const fum_particles_desc *
       if (out_report->count++ == 0) *out_report = (drop_report){.count = 1, .first = i, .what = field};
       continue;
     }
-    if (d->radii != NULL ? d->radii[i] <= 0.0F : d->radius <= 0.0F) continue;
+    if (!has_size(d, i)) continue;
     if (d->ids != NULL) {
       ascending = ascending && (count == 0 || d->ids[i] >= last_id);
       last_id = d->ids[i];
@@ -108,6 +121,7 @@ static int32_t choose_particles(fum_context *context, const fum_particles_desc *
   return status;
 }
 
+/* `chosen` NULL: all, in the order they have. */
 static int32_t gather(fum_context *context, const char *name, const float *from, int width, int64_t count,
                       const uint32_t *chosen, float **out) {
   if (from == NULL) return FUM_OK;
@@ -116,8 +130,9 @@ static int32_t gather(fum_context *context, const char *name, const float *from,
   float *to = *out;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < count; i++) {
+    const int64_t source = chosen != NULL ? chosen[i] : i;
     for (int c = 0; c < width; c++)
-      to[i * width + c] = from[(int64_t)chosen[i] * width + c];
+      to[i * width + c] = from[source * width + c];
   }
   return FUM_OK;
 }
@@ -164,7 +179,7 @@ static int32_t copy_particles(fum_context *context, const fum_particles_desc *d,
   for (int64_t i = 0; i < count; i++)
     set->sigmas[i] *= 0.5F;
   for (int64_t i = 0; set->ids != NULL && i < count; i++)
-    set->ids[i] = d->ids[chosen[i]];
+    set->ids[i] = d->ids[chosen != NULL ? chosen[i] : i];
   return FUM_OK;
 }
 
@@ -186,10 +201,13 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   fum_particles set = {.offset = scene->particle_count, .anisotropy = desc->anisotropy};
   memcpy(set.albedo, desc->albedo, sizeof set.albedo);
   memcpy(set.emission, desc->emission, sizeof set.emission);
-  status = fum_alloc(context, desc->count, sizeof *chosen, name, &chosen);
-  if (status != FUM_OK) goto done;
-  status = choose_particles(context, desc, chosen, &count, &report);
-  if (status != FUM_OK) goto done;
+  if (is_tidy(context, desc)) {
+    count = desc->count;
+  } else {
+    status = fum_alloc(context, desc->count, sizeof *chosen, name, &chosen);
+    if (status == FUM_OK) status = choose_particles(context, desc, chosen, &count, &report);
+    if (status != FUM_OK) goto done;
+  }
   set.count = count;
   status = copy_particles(context, desc, name, count, chosen, &set);
   if (status != FUM_OK) goto done;

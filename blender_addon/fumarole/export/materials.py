@@ -57,7 +57,21 @@ class _Medium:
         )
 
 
-_EMPTY = _Medium(np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), frozenset())
+# Single precision throughout, as in Blender and in the library: doubles would cost copies of every attribute.
+_NOTHING = np.zeros((1, 3), dtype=np.float32)
+_ZERO = np.zeros(1, dtype=np.float32)
+_EMPTY = _Medium(_NOTHING, _NOTHING, _NOTHING, _ZERO, frozenset())
+
+
+def _mean(colors: np.ndarray) -> np.ndarray:
+    """The mean (n,) of the three channels; by columns, since numpy is slow at sums over short rows."""
+    return (colors[:, 0] + colors[:, 1] + colors[:, 2]) / 3
+
+
+def _spread(colors: np.ndarray) -> np.ndarray:
+    """The largest less the smallest (n,) of the three channels."""
+    red, green, blue = colors.T
+    return np.maximum(np.maximum(red, green), blue) - np.minimum(np.minimum(red, green), blue)
 
 
 def volume_socket(material: bpy.types.Material | None) -> bpy.types.NodeSocket | None:
@@ -90,7 +104,8 @@ def emits_light(material: bpy.types.Material | None) -> bool:
 
 def default_volume() -> Volume:
     """Grey smoke for particles without a volume material."""
-    return Volume(np.array([DEFAULT_EXTINCTION]), np.full((1, 3), DEFAULT_ALBEDO), np.zeros((1, 3)), 0.0)
+    extinction = np.full(1, DEFAULT_EXTINCTION, dtype=np.float32)
+    return Volume(extinction, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0)
 
 
 def read_volume(
@@ -114,14 +129,15 @@ def read_volume(
 def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
     scattering, absorption = np.maximum(medium.scattering, 0), np.maximum(medium.absorption, 0)
     total = scattering + absorption
-    extinction = total.mean(axis=1)
-    if np.any(np.ptp(total, axis=1) > 1e-4 * extinction):
-        row = total[np.argmax(np.ptp(total, axis=1))]
+    extinction = _mean(total)
+    spread = _spread(total)
+    if np.any(spread > 1e-4 * extinction):
+        row = total[np.argmax(spread)]
         shown = ", ".join(f"{channel:.4g}" for channel in row)
         warn(f"{owner}: coloured extinction ({shown}) isn't supported; its mean is used")
     albedo = np.divide(scattering, total, out=np.zeros_like(total), where=total > 0)
-    scattered = scattering.mean(axis=1).sum()
-    anisotropy = float(medium.forward.sum() / scattered) if scattered > 0 else 0.0
+    scattered = _mean(scattering).sum(dtype=np.float64)
+    anisotropy = float(medium.forward.sum(dtype=np.float64) / scattered) if scattered > 0 else 0.0
     if len(medium.phases) > 1:
         shown = ", ".join(f"{g:.4g}" for g in sorted(medium.phases))
         warn(f"{owner}: anisotropies {shown} are mixed; their average {anisotropy:.4g} is used")
@@ -154,16 +170,16 @@ def _scattering(reader: NodeReader, node: bpy.types.Node, groups: tuple, scatter
     else:
         which = f"{reader.owner}: phase function {phase} of node '{node.name}'"
         reader.warn(f"{which} isn't supported; smoke scatters evenly")
-        g = np.zeros(1)
-    forward = scattering.mean(axis=1) * g
-    return _Medium(scattering, np.zeros((1, 3)), np.zeros((1, 3)), forward, frozenset(np.unique(g).tolist()[:3]))
+        g = _ZERO
+    forward = _mean(scattering) * g
+    return _Medium(scattering, _NOTHING, _NOTHING, forward, frozenset(np.unique(g).tolist()[:3]))
 
 
 def _principled(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
     density = np.maximum(reader.number(node, "Density", groups), 0)
     by_density = reader.attributes(reader.text(node, "Density Attribute"))
     if by_density is not None:
-        density = density * np.maximum(by_density if by_density.ndim == 1 else by_density.mean(axis=1), 0)
+        density = density * np.maximum(by_density if by_density.ndim == 1 else _mean(by_density), 0)
     colour = np.clip(reader.color(node, "Color", groups), 0, 1)
     by_colour = reader.attributes(reader.text(node, "Color Attribute"))
     if by_colour is not None:
@@ -186,7 +202,7 @@ def _scatter(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium
 def _absorption(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
     density = np.maximum(reader.number(node, "Density", groups), 0)
     absorption = np.clip(1 - reader.color(node, "Color", groups), 0, 1) * density[:, None]
-    return _Medium(np.zeros((1, 3)), absorption, np.zeros((1, 3)), np.zeros(1), frozenset())
+    return _Medium(_NOTHING, absorption, _NOTHING, _ZERO, frozenset())
 
 
 def _coefficients(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
@@ -198,7 +214,7 @@ def _coefficients(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _M
 
 def _emission(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:
     emission = reader.color(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None]
-    return _Medium(np.zeros((1, 3)), np.zeros((1, 3)), emission, np.zeros(1), frozenset())
+    return _Medium(_NOTHING, _NOTHING, emission, _ZERO, frozenset())
 
 
 _LEAVES = {

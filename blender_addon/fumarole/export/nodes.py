@@ -12,13 +12,14 @@ Warn = Callable[[str], None]
 # The values of a geometry attribute by its name, (n,) or (n, 3) float32, or None where there is no such attribute.
 Attributes = Callable[[str], "np.ndarray | None"]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 
 
 class NodeReader:
     """Evaluates the sockets of one data block's node tree.
 
-    Values come back as float64 arrays whose first axis has length 1 (a constant) or n (an attribute of n points).
+    Values come back as float32 arrays, which is what Blender holds; their first axis has length 1 (a constant) or n (an
+    attribute of n points).
     What can't be read is named in a warning, and the socket's own value is used.
     """
 
@@ -57,8 +58,8 @@ class NodeReader:
             values = self.attributes(source.attribute_name)
             if values is None:
                 self.warn(f"{self.owner}: there is no attribute '{source.attribute_name}'; it counts as 0")
-                return np.zeros(1)
-            return values.astype(np.float64)
+                return np.zeros(1, dtype=np.float32)
+            return values.astype(np.float32, copy=False)
         value = _constant(socket)
         shown = ", ".join(f"{v:.4g}" for v in value.ravel())
         self.warn(
@@ -118,5 +119,5 @@ def _source(socket: bpy.types.NodeSocket, groups: tuple) -> tuple:
 def _constant(socket: bpy.types.NodeSocket) -> np.ndarray:
     value = getattr(socket, "default_value", 0.0)
     if isinstance(value, (int, float)):
-        return np.array([value], dtype=np.float64)
-    return np.array([tuple(value)[:3]], dtype=np.float64)
+        return np.array([value], dtype=np.float32)
+    return np.array([tuple(value)[:3]], dtype=np.float32)

@@ -80,12 +80,16 @@ def export_system(
 
 def stable_ids(key: str, indices: np.ndarray) -> np.ndarray:
     """Ids (n,) uint64 that tell the points of this `key` from those of others, as long as indices stay the same."""
-    return (np.uint64(zlib.crc32(key.encode())) << np.uint64(32)) | indices.astype(np.uint32).astype(np.uint64)
+    ids = indices.astype(np.uint32).astype(np.uint64)
+    ids |= np.uint64(zlib.crc32(key.encode())) << np.uint64(32)
+    return ids
 
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (n, 3) moved by a (4, 4) matrix, float32."""
-    return (points @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+    moved = points @ matrix[:3, :3].T
+    moved += matrix[:3, 3]
+    return moved.astype(np.float32)
 
 
 def transform_vectors(matrix: np.ndarray, vectors: np.ndarray) -> np.ndarray:

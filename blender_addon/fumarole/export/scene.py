@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 
 import bpy
@@ -53,6 +54,13 @@ def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
 
 def build(scene: Scene, context: core.Context) -> core.Scene:
     """The core scene. Raises core.FumaroleError."""
+    result = build_matter(scene, context)
+    add_lights(result, scene)
+    return result
+
+
+def build_matter(scene: Scene, context: core.Context) -> core.Scene:
+    """The core scene without lights: what octrees and hierarchies are made of. Raises core.FumaroleError."""
     result = core.Scene(context)
     for item in scene.particles:
         volume = item.volume
@@ -71,6 +79,11 @@ def build(scene: Scene, context: core.Context) -> core.Scene:
         result.add_mesh(
             item.vertices, item.triangles, item.matrix, item.name, item.casts_shadow, item.visible_to_camera
         )
+    return result
+
+
+def add_lights(result: core.Scene, scene: Scene) -> None:
+    """Adds the lights to a core scene that has none. Raises core.FumaroleError."""
     for item in scene.lights:
         result.add_light(
             item.type,
@@ -82,7 +95,33 @@ def build(scene: Scene, context: core.Context) -> core.Scene:
             cycles=compat.LIGHT_UNITS,
             **item.shape,
         )
-    return result
+
+
+def fingerprint(scene: Scene) -> bytes:
+    """A hash of all that build_matter() hands over: what has the same one makes the same core scene without lights.
+
+    By content: what Blender says of updates has no word of geometry nodes' attributes, nor of what a file held.
+    """
+    result = hashlib.blake2b(digest_size=32)
+    for item in scene.particles:
+        volume = item.volume
+        _hash(result, "particles", item.name, volume.anisotropy)
+        _hash(result, item.positions, item.radii, item.velocities, item.ids)
+        _hash(result, volume.extinction, volume.albedo, volume.emission)
+    for item in scene.meshes:
+        _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera)
+        _hash(result, item.vertices, item.triangles, item.matrix)
+    return result.digest()
+
+
+def _hash(result: hashlib.blake2b, *values: object) -> None:
+    """Hashes arrays with their shapes, and what repr() tells exactly, so that no two sequences look alike."""
+    for value in values:
+        if isinstance(value, np.ndarray):
+            result.update(f"{value.dtype.str}{value.shape};".encode())
+            result.update(np.ascontiguousarray(value).reshape(-1).view(np.uint8))
+        else:
+            result.update(f"{value!r};".encode(errors="surrogatepass"))
 
 
 def _one_or_many(values: np.ndarray) -> np.ndarray:

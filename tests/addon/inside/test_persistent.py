@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Persistent data: what is kept from one render to the next changes no pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+import scenes
+from fumarole import engine
+
+
+@pytest.fixture
+def smoke() -> bpy.types.Object:
+    """Points above a solid, lit from above, with persistent data on."""
+    random = np.random.default_rng(1)
+    owner = scenes.points_by_nodes("Points", random.normal(0, 0.6, (200, 3)).tolist())
+    scenes.set_point_material(owner, scenes.material("Smoke", Density=6.0, Color=(0.8, 0.7, 0.6, 1)))
+    scenes.plane("Blocker", size=0.7, location=(0, 0, 1.5))
+    scenes.light("POINT", energy=2000, location=(0, -3, 4))
+    scenes.camera()
+    bpy.context.scene.render.use_persistent_data = True
+    return owner
+
+
+def render(folder: Path, is_persistent: bool = True) -> tuple[np.ndarray, float]:
+    """The picture and the seconds that building octrees and hierarchies took."""
+    bpy.context.scene.render.use_persistent_data = is_persistent
+    picture = scenes.render_combined(folder)
+    return picture, engine.last_stats().build_s
+
+
+def move_camera() -> None:
+    bpy.context.scene.camera.location.x += 0.5
+
+
+def change_light() -> None:
+    bpy.data.lights["Point"].energy *= 2
+
+
+def remove_light() -> None:
+    bpy.data.objects.remove(bpy.data.objects["Point"])
+    scenes.light("SUN", energy=3)
+
+
+def move_point() -> None:
+    bpy.data.meshes["Points"].vertices[7].co.x += 0.2
+    bpy.data.meshes["Points"].update()
+
+
+def move_points() -> None:
+    bpy.data.objects["Points"].location.z += 0.2
+
+
+def change_material() -> None:
+    tree = bpy.data.materials["Smoke"].node_tree
+    node = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeVolumePrincipled")
+    node.inputs["Anisotropy"].default_value = 0.4
+
+
+def move_mesh() -> None:
+    bpy.data.objects["Blocker"].location.x += 0.2
+
+
+def bend_mesh() -> None:
+    bpy.data.meshes["Blocker"].vertices[0].co.x -= 0.5
+    bpy.data.meshes["Blocker"].update()
+
+
+def hide_mesh() -> None:
+    bpy.data.objects["Blocker"].visible_shadow = False
+
+
+@pytest.mark.parametrize("change", [move_camera, change_light, remove_light])
+def test_matter_is_kept(smoke: bpy.types.Object, change: Callable[[], None], tmp_path: Path) -> None:
+    before, build_s = render(tmp_path)
+    assert build_s > 0
+    change()
+    after, build_s = render(tmp_path)
+    assert build_s == 0
+    fresh, build_s = render(tmp_path, is_persistent=False)
+    assert build_s > 0
+    assert np.array_equal(after, fresh)
+    assert not np.array_equal(before, after)
+
+
+@pytest.mark.parametrize("change", [move_point, move_points, change_material, move_mesh, bend_mesh, hide_mesh])
+def test_changed_matter_is_built_again(
+    smoke: bpy.types.Object, change: Callable[[], None], tmp_path: Path
+) -> None:
+    before, _ = render(tmp_path)
+    change()
+    after, build_s = render(tmp_path)
+    assert build_s > 0
+    fresh, _ = render(tmp_path, is_persistent=False)
+    assert np.array_equal(after, fresh)
+    assert not np.array_equal(before, after)
+
+
+def test_animated_camera(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    camera = bpy.context.scene.camera
+    for frame, x in ((1, 0.0), (2, 0.5)):
+        camera.location.x = x
+        camera.keyframe_insert("location", frame=frame)
+    pictures = {}
+    for is_persistent in (True, False):
+        for frame in (1, 2):
+            bpy.context.scene.frame_set(frame)
+            pictures[is_persistent, frame], build_s = render(tmp_path, is_persistent)
+            assert (build_s == 0) == (is_persistent and frame == 2)
+    assert all(np.array_equal(pictures[True, frame], pictures[False, frame]) for frame in (1, 2))
+
+
+def test_settings_count(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    """What is built with settings of its own follows them."""
+    render(tmp_path)
+    bpy.context.scene.fumarole.subsampling = 0.5
+    after, build_s = render(tmp_path)
+    assert build_s > 0
+    fresh, _ = render(tmp_path, is_persistent=False)
+    assert np.array_equal(after, fresh)
+
+
+def test_nothing_is_kept_when_off(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    render(tmp_path, is_persistent=False)
+    assert engine._keeper.is_empty
+    render(tmp_path)
+    assert not engine._keeper.is_empty
+    render(tmp_path, is_persistent=False)
+    assert engine._keeper.is_empty
+
+
+def test_another_file_frees_what_is_kept(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    render(tmp_path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert engine._keeper.is_empty
+
+
+def test_disabling_frees_what_is_kept(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    render(tmp_path)
+    keeper = engine._keeper
+    engine.unregister()
+    try:
+        assert keeper.is_empty
+        assert engine._keeper is None
+    finally:
+        engine.register()
+
+
+def test_memory_does_not_grow(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    used = []
+    for _frame in range(4):
+        move_camera()
+        render(tmp_path)
+        used.append(engine.last_stats().memory_bytes)
+    assert used[3] <= used[1]
