@@ -22,6 +22,15 @@ static inline fum_vec3 fum_scaled(fum_vec3 a, float s) {
 static inline fum_vec3 fum_mad(fum_vec3 a, float s, fum_vec3 b) {
   return (fum_vec3){b.x + a.x * s, b.y + a.y * s, b.z + a.z * s};
 }
+/* The lesser and the greater of two; b where a isn't a number. fminf and fmaxf are calls of the C library, because of
+ * what they do with b when that isn't one. */
+static inline float fum_min(float a, float b) {
+  return a < b ? a : b;
+}
+static inline float fum_max(float a, float b) {
+  return a > b ? a : b;
+}
+
 static inline float fum_dot(fum_vec3 a, fum_vec3 b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }

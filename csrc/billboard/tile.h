@@ -43,7 +43,7 @@ typedef struct fum_tile_held {
 
 /* Buffers of one thread; zeroed before the first tile. */
 typedef struct fum_tile_scratch {
-  float *slabs; /* [slab][channel][FUM_TILE_PIXELS] */
+  float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride) */
   int64_t slabs_size;
   fum_tile_held *held; /* [light] */
   bool is_out_of_memory;

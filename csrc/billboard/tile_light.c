@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "billboard/tile_light.h"
 
+#include "base/vector.h"
 #include "lighting/inscatter.h"
 #include "lighting/lookup.h"
 #include "lighting/panel.h"
@@ -145,7 +146,7 @@ static void pass_light(span *s) {
 static float depth_at(const span *s, float along) {
   const float share = along / s->length;
   const float held = s->held[0] + (s->held[1] - s->held[0]) * share + s->bow * 4.0F * share * (1.0F - share);
-  return fmaxf(held, 0.0F) * (s->is_per_metre ? hypotf(s->beside, along - s->nearest) : 1.0F);
+  return fum_max(held, 0.0F) * (s->is_per_metre ? hypotf(s->beside, along - s->nearest) : 1.0F);
 }
 
 /* Does a solid's shadow end between the samples around? */
@@ -172,7 +173,7 @@ static bool is_shadowed(const span *s, fum_vec3 point, int32_t part) {
   if (sample.is_directional) return fum_solids_occlude(s->grid->job->solids, point, sample.direction, INFINITY);
   const fum_vec3 line = fum_sub(sample.position, point);
   const float length = fum_length(line);
-  return fum_solids_occlude(s->grid->job->solids, point, fum_scaled(line, 1.0F / fmaxf(length, 1e-20F)), length);
+  return fum_solids_occlude(s->grid->job->solids, point, fum_scaled(line, 1.0F / fum_max(length, 1e-20F)), length);
 }
 
 /* `part` of the span, of PARTS. */
@@ -181,12 +182,12 @@ static lit light_at(const span *s, float along, int32_t part) {
   const fum_vec3 point = fum_mad(s->direction, along, s->start);
   const fum_vec3 line = s->center.is_directional ? s->center.direction : fum_sub(s->center.position, point);
   const float length = fum_length(line);
-  lit l = {.depth = depth_at(s, along), .to_light = fum_scaled(line, 1.0F / fmaxf(length, 1e-20F))};
+  lit l = {.depth = depth_at(s, along), .to_light = fum_scaled(line, 1.0F / fum_max(length, 1e-20F))};
   l.strength = s->is_area ? fum_panel_irradiance(s->lamp, point)
                           : fum_emitter_irradiance(s->lamp, &s->center, point) * (float)s->lamp->sample_count;
   if (job->lattice->visible == NULL || !(l.strength > 0.0F)) return l;
   if (!is_shadow_edge(s)) {
-    l.strength *= fminf(fmaxf(s->visible, 0.0F), 1.0F);
+    l.strength *= fum_min(fum_max(s->visible, 0.0F), 1.0F);
   } else if (is_shadowed(s, point, part)) {
     l.strength *= 1.0F - job->solid_shadow_intensity;
   }
@@ -198,7 +199,7 @@ static bool is_uneven(const span *s) {
   if (is_shadow_edge(s)) return true;
   if (s->center.is_directional) return false;
   const float *size = s->lamp->desc.area_size, radius = s->is_area ? 0.5F * hypotf(size[0], size[1]) : 0.0F;
-  const float clear = fmaxf(0.0F, fmaxf(s->begin - s->nearest, s->nearest - s->end)), steep = 0.25F;
+  const float clear = fum_max(0.0F, fum_max(s->begin - s->nearest, s->nearest - s->end)), steep = 0.25F;
   if (s->end - s->begin > steep * (hypotf(s->beside, clear) - radius)) return true;
   if (s->lamp->desc.type != FUM_LIGHT_SPOT) return false;
   float strengths[3];
@@ -206,20 +207,20 @@ static bool is_uneven(const span *s) {
     const fum_vec3 point = fum_mad(s->direction, s->begin + (s->end - s->begin) * 0.5F * (float)k, s->start);
     strengths[k] = fum_emitter_irradiance(s->lamp, &s->center, point);
   }
-  const float high = fmaxf(strengths[0], fmaxf(strengths[1], strengths[2]));
-  return fminf(strengths[0], fminf(strengths[1], strengths[2])) < 0.8F * high;
+  const float high = fum_max(strengths[0], fum_max(strengths[1], strengths[2]));
+  return fum_min(strengths[0], fum_min(strengths[1], strengths[2])) < 0.8F * high;
 }
 
 /* Points that share out the span evenly, or towards a nearby light evenly by angle (Kulla and Fajardo 2012, Importance
  * sampling techniques for path tracing in participating media), and the share of the span that each stands for. */
 static void divide(const span *s, float *places, float *weights) {
-  const float length = s->end - s->begin, beside = fmaxf(s->beside, 1e-3F * length);
+  const float length = s->end - s->begin, beside = fum_max(s->beside, 1e-3F * length);
   const float from = atanf((s->begin - s->nearest) / beside), to = atanf((s->end - s->nearest) / beside);
   const bool is_even = s->center.is_directional || s->is_area;
   for (int k = 0; k < PARTS; k++) {
     const float share = ((float)k + 0.5F) / (float)PARTS;
     const float slope = is_even ? 0.0F : tanf(from + (to - from) * share);
-    places[k] = is_even ? s->begin + length * share : fminf(fmaxf(s->nearest + beside * slope, s->begin), s->end);
+    places[k] = is_even ? s->begin + length * share : fum_min(fum_max(s->nearest + beside * slope, s->begin), s->end);
     weights[k] = is_even ? 1.0F / (float)PARTS : (to - from) / (float)PARTS * beside * (1.0F + slope * slope) / length;
   }
 }
@@ -235,7 +236,7 @@ static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
     parts[k] = light_at(s, places[k], k);
     parts[k].depth += s->optical_depth * share * (1.0F - s->lean * (1.0F - share));
     weights[k] *= 1.0F - s->lean * (1.0F - 2.0F * share);
-    least = fminf(least, parts[k].depth);
+    least = fum_min(least, parts[k].depth);
   }
   out->begin[pixel] = least;
   out->end[pixel] = least - s->optical_depth; /* see add_light in tile_loop.h: the mean becomes 1 */
@@ -251,7 +252,7 @@ static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
  * bends by `bend` * 4 x (1 - x) from that, the integral of exp(-a x) shrinks by exp(-bend) to the mean of 4 x (1 - x)
  * under exp(-a x), which is 2/3 at a = 0 and 4 / |a| far from it. */
 static float bent_share(float bend, float a) {
-  return expf(-fminf(fmaxf(bend * 4.0F / sqrtf(36.0F + a * a), -1.0F), 1.0F));
+  return expf(-fum_min(fum_max(bend * 4.0F / sqrtf(36.0F + a * a), -1.0F), 1.0F));
 }
 
 static void light_middle(const span *s, int32_t pixel, fum_slab_light *out) {
@@ -276,14 +277,14 @@ static float mean_extinction(const float *depths, int32_t pixel, float begin, fl
 static float find_lean(const fum_slab_smoke *smoke, const float ranges[4], float near, float far, int32_t pixel) {
   float ends[4];
   for (int k = 0; k < 4; k++)
-    ends[k] = fminf(fmaxf(ranges[k], near), far);
+    ends[k] = fum_min(fum_max(ranges[k], near), far);
   const float length = ends[2] - ends[1], least = 0.25F * length, here = smoke->depth[pixel] / length;
   const float before = mean_extinction(smoke->before, pixel, ends[0], ends[1], least);
   const float next = mean_extinction(smoke->next, pixel, ends[2], ends[3], least);
   const float first = (here - before) * length / (ends[2] - ends[0]),
               second = (next - here) * length / (ends[3] - ends[1]);
   const float change = isnan(first) ? (isnan(second) ? 0.0F : second) : isnan(second) ? first : 0.5F * (first + second);
-  return fminf(fmaxf(change / here, -1.0F), 1.0F);
+  return fum_min(fum_max(change / here, -1.0F), 1.0F);
 }
 
 void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
@@ -314,8 +315,8 @@ void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_sl
       out_light->strengths[c][i] = 0.0F;
     if (!(smoke->depth[i] > FUM_TILE_THIN && smoke->front[i] < FUM_TILE_DARK)) continue;
     /* The near plane or a solid may begin or end the ray within the slab. */
-    s.begin = fminf(last, fmaxf(first, grid->near[i])) - first;
-    s.end = fmaxf(s.begin, fminf(last, grid->far[i]) - first);
+    s.begin = fum_min(last, fum_max(first, grid->near[i])) - first;
+    s.end = fum_max(s.begin, fum_min(last, grid->far[i]) - first);
     float around[4] = {faces[0][i], faces[1][i], faces[2][i], faces[3][i]};
     fum_lattice_fill(around);
     s.held[0] = around[1];

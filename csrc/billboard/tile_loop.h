@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The loops of tile.h, to be compiled once for each instruction set: tile_*.c define FUM_LANES and FUM_TILE_NAME. */
 #include "base/simd.h"
+#include "base/vector.h"
 #include "billboard/tile.h"
 #include "billboard/tile_light.h"
 
@@ -35,13 +36,13 @@ static void aim(tile *t) {
     const float length = is_perspective ? sqrtf(1.0F + u * u + v * v) : 1.0F;
     float depth = (float)view->clip_end;
     if (t->job->solid_depths != NULL && x < view->width && y < view->height) {
-      depth = fminf(depth, t->job->solid_depths[(int64_t)y * view->width + x]);
+      depth = fum_min(depth, t->job->solid_depths[(int64_t)y * view->width + x]);
     }
     t->inverse_length[i] = 1.0F / length;
     t->near[i] = (float)view->clip_start * length;
     t->far[i] = depth * length;
-    t->nearest_far = fminf(t->nearest_far, t->far[i]);
-    t->farthest_near = fmaxf(t->farthest_near, t->near[i]);
+    t->nearest_far = fum_min(t->nearest_far, t->far[i]);
+    t->farthest_near = fum_max(t->farthest_near, t->near[i]);
   }
 }
 
@@ -58,7 +59,7 @@ static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade,
     for (int c = 0; c < 3; c++)
       out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] * self_shade : 0.0F;
   }
-  const float density = fmaxf(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
+  const float density = fum_max(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
   const float *light = job->centre_light != NULL ? job->centre_light + 3 * (int64_t)splat : NULL;
   for (int c = 0; job->glows && c < 3; c++)
     out[3 * job->class_count + c] =
@@ -92,8 +93,14 @@ static void deposit(const tile *t, float *at, fum_vf depth, const float *look) {
   }
 }
 
+/* Floats from slab to slab. A splat writes one pixel of slab after slab: were they whole pages apart, all of these
+ * would fall into the same few lines of the cache, and each load would wait for the store before it. */
+static int64_t slab_stride(const tile *t) {
+  return (int64_t)t->channels * FUM_TILE_PIXELS + WIDEST_LANES;
+}
+
 static float *slab_at(const tile *t, float *slabs, int32_t slab, int32_t pixel) {
-  return slabs + (int64_t)(slab - t->first_slab) * t->channels * FUM_TILE_PIXELS + pixel;
+  return slabs + (int64_t)(slab - t->first_slab) * slab_stride(t) + pixel;
 }
 
 static fum_vf vf_min(fum_vf a, fum_vf b) {
@@ -134,6 +141,8 @@ static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t 
   const float uc = s->center[0] / depth, vc = s->center[1] / depth;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
   const patch p = find_patch(t, s);
+  const int64_t stride = slab_stride(t);
+  const bool is_uniform = t->channels == 1;
   for (int32_t y = p.y0; y < p.y1; y++) {
     const float e2 = (t->v[y] - vc) * depth;
     for (int32_t x = p.x0; x < p.x1; x += FUM_LANES) {
@@ -147,9 +156,14 @@ static void splat_far(const tile *t, const fum_splat *s, int32_t first, int32_t 
       }
       const fum_vf gauss = s->optical_depth * fum_vf_exp2(squared * falloff);
       const fum_vf moved = gauss * (bend * (mean_squared - squared));
-      for (int32_t j = first; j <= last; j++) {
-        const fum_vf part = gauss * shares[j - first] + moved * changes[j - first];
-        deposit(t, slab_at(t, slabs, j, pixel), vf_max(part, fum_vf_set(0.0F)), look);
+      float *at = slab_at(t, slabs, first, pixel);
+      for (int32_t j = 0; j <= last - first; j++, at += stride) {
+        const fum_vf part = fum_vf_at_least(gauss * shares[j] + moved * changes[j], 0.0F);
+        if (is_uniform) {
+          fum_vf_store(at, fum_vf_load(at) + part);
+        } else {
+          deposit(t, at, part, look);
+        }
       }
     }
   }
@@ -190,7 +204,7 @@ static void splat_near(const tile *t, const fum_splat *s, int32_t first, int32_t
 /* Slabs that a splat reaches into. */
 static void find_span(const tile *t, const fum_splat *s, int32_t *first, int32_t *last) {
   const fum_slabs *slabs = t->job->slabs;
-  const float reach = s->reach + 0.5F * s->width * s->width * 16.0F / fmaxf(s->range, s->width);
+  const float reach = s->reach + 0.5F * s->width * s->width * 16.0F / fum_max(s->range, s->width);
   *first = fum_slab_at(slabs, (double)(s->range - reach));
   *last = fum_slab_at(slabs, (double)(s->range + reach));
 }
@@ -275,7 +289,7 @@ static bool shows(const float *slab, const sums *s) {
 static void resolve(const tile *t, const float *slabs, fum_tile_held *held, sums *s) {
   const fum_tile_job *job = t->job;
   const fum_light_grid grid = {job, t->u, t->v, t->inverse_length, t->near, t->far};
-  const int64_t stride = (int64_t)t->channels * FUM_TILE_PIXELS;
+  const int64_t stride = slab_stride(t);
   fum_slab_light light;
   for (int32_t l = 0; l < job->lattice->light_count; l++) {
     for (int k = 0; k < 4; k++)
@@ -322,7 +336,7 @@ static bool make_room(tile *t, const uint32_t *indices, int64_t count, fum_tile_
   }
   t->first_slab = low;
   t->slab_count = high - low + 1;
-  const int64_t size = (int64_t)t->slab_count * t->channels * FUM_TILE_PIXELS;
+  const int64_t size = t->slab_count * slab_stride(t);
   if (size > scratch->slabs_size) {
     free(scratch->slabs);
     scratch->slabs = aligned_alloc(64, (size_t)size * sizeof(float));
