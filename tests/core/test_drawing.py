@@ -32,7 +32,7 @@ def test_tiny_particles_are_as_opaque_at_any_width(depth: float) -> None:
     """From a tenth of a pixel to most of one; few enough that they hardly overlap, where the mean of alpha is the
     area that they cover."""
     particles = cloud(4_000, 6e-4, depth)
-    means = [draw(particles, width, width // 4, lens=50)[..., 3].mean() for width in (512, 1024, 2048, 4096)]
+    means = [draw(particles, width, width // 32, lens=50)[..., 3].mean() for width in (512, 1024, 2048, 4096)]
     assert means == pytest.approx([means[-1]] * 4, rel=1e-3)
 
 
