@@ -99,7 +99,8 @@ static bool put_on_pixel(const fum_meter_sight *sight, fum_meter_point *point) {
 /* How points are looked for. */
 typedef struct search {
   const fum_octree *octree; /* of the smoke that the camera sees */
-  fum_truth smoke;          /* only where sight->hidden knows nothing */
+  bool asks_hidden;         /* else rays are walked through `smoke` */
+  fum_truth smoke;
   const fum_meter_sight *sight;
   struct candidate {
     bool is_seen;
@@ -110,16 +111,20 @@ typedef struct search {
 static int32_t begin_search(fum_context *context, search *s) {
   const fum_medium smoke = {.octree = s->octree, .sigma_scale = 1.0F, .depth_scale = 1.0F};
   const double sigmas = 2.5; /* these depths only choose: particles farther away may be missed */
-  if (s->sight->hidden->depths != NULL) return FUM_OK;
+  /* Among few particles walks are short, and what hides them may be smaller than what is known of it. */
+  const int64_t few = 50000;
+  s->asks_hidden = s->sight->hidden->depths != NULL && s->octree->count > few;
+  if (s->asks_hidden) return FUM_OK;
   return fum_truth_begin(context, &smoke, 0.5 * sigmas * sigmas, &s->smoke);
 }
 
-/* Lets a point pass as often as light passes from it to the camera. */
+/* Lets a point pass as often as light passes from it to the camera. Where nothing shows no light was looked for. */
 static bool passes(const search *s, const fum_meter_point *point, double chance) {
   const fum_view *view = s->sight->view;
-  const double *w = point->window, limit = -log(1.0 - chance);
-  if (s->sight->hidden->depths != NULL)
-    return fum_hidden_depth(s->sight->hidden, s->sight->slabs, w, point->range) <= limit;
+  const double *w = point->window,
+               shows = s->sight->hidden->depths != NULL ? 0.99 * (double)s->sight->hidden->limit : INFINITY;
+  const double limit = fmin(-log(1.0 - chance), shows);
+  if (s->asks_hidden) return fum_hidden_depth(s->sight->hidden, s->sight->slabs, w, point->range) <= limit;
   const double length = view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(1.0 + w[0] * w[0] + w[1] * w[1]) : 1.0;
   double start[3];
   fum_view_point(view, w[0], w[1], view->clip_start * length, start);
