@@ -10,6 +10,9 @@
 static const float LEAST_TOLERANCE = 0.005F;
 static const double MOST_THICKNESS = 0.6;
 
+/* Of fewer, each is seen, and how it lies between grid lines as well when the light moves. */
+enum { FEWEST_CASTERS = 10000 };
+
 /* Levels of a sweep up to which it is predicted to be faster than the exact solver; 0: none. Of measured times: exactly
  * a receiver takes as long as it meets particles, whose number grows with the cube root; by a sweep, a caster takes its
  * time at its own level, and each is looked at, as each receiver is, at all of them. */
@@ -22,7 +25,7 @@ static int32_t affordable_levels(int64_t casters, int64_t receivers) {
 static int32_t levels_to_try(const fum_solver *solver, const fum_medium *medium, const fum_receivers *receivers) {
   if (solver->wanted == FUM_SOLVER_SWEEP) return FUM_SWEEP_MOST_LEVELS;
   if (solver->wanted == FUM_SOLVER_EXACT || solver->tolerance < LEAST_TOLERANCE) return 0;
-  if (medium->thickness > MOST_THICKNESS) return 0;
+  if (medium->thickness > MOST_THICKNESS || medium->octree->count < FEWEST_CASTERS) return 0;
   return affordable_levels(fum_medium_casters(medium)->count, receivers->octree->count);
 }
 
