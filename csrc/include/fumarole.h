@@ -235,8 +235,8 @@ typedef struct fum_settings {
   int32_t light_samples;        /**< most sample points of a soft light, 1..1024; default 16. Lights that look small
                                      from all the smoke take fewer */
   float tolerance;              /**< relative error that cut-offs may cause in the picture, 1e-4..0.5; default 0.01.
-                                     Exactly solved, transmittance to a light is kept within a tenth of it. That particles are lit at their
-                                     centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
+                                     Exactly solved, transmittance to a light is kept within a tenth of it. That particles are lit at
+                                   their              centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
   float shadowing_density;      /**< artistic: factor on optical depth towards lights, at least 0; default 1 */
   float solid_shadow_intensity; /**< artistic: share of a light's power that solids block, 0..1; default 1 */
   float subsampling; /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
