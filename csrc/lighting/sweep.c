@@ -15,8 +15,8 @@ fum_sweep_fn fum_sweep_get(void) {
   return FUM_CPU_CHOOSE(fum_sweep_plain, fum_sweep_avx2, fum_sweep_avx512);
 }
 
-/* A level's sigmas in steps of its grid, from the smallest to the largest; more would not fit the block that is written
- * at once. */
+/* A level's sigmas in steps of its grid, from the smallest to the largest; larger ones would reach over more faces than
+ * are open at once. */
 static const float LEAST_SIGMA = 0.75F, MOST_SIGMA = 1.7F;
 
 enum { BINS_PER_OCTAVE = 32, MOST_OCTAVES = 24, BINS = BINS_PER_OCTAVE * MOST_OCTAVES };

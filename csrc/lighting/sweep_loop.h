@@ -151,7 +151,8 @@ static void deposit(const patch *p, const footprint *f) {
   for (int32_t k = 0; k < FACES / FUM_LANES; k++)
     shares[k] = fum_vf_load(line + k * FUM_LANES);
   for (int32_t y = y0; y <= y1; y++) {
-    const float dy = (float)y - f->row, half = sqrtf(f->reach * f->reach - dy * dy);
+    const float dy = (float)y - f->row, squared = f->reach * f->reach - dy * dy;
+    const float half = squared > 0.0F ? sqrtf(squared) : 0.0F; /* rounding may put the outermost row outside */
     const int32_t x0 = at_least(f->column - half, 0), x1 = at_most(f->column + half, p->columns - 1);
     const int32_t wanted = x1 - x0 + 1, count = wanted < MOST_COLUMNS ? wanted : MOST_COLUMNS;
     if (count <= 0) continue;

@@ -4,7 +4,6 @@
 #include "octree/neighbours.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* What particles weigh together, seen from their centroid. */
