@@ -174,6 +174,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .solids = r->scene->caches->solids,
                       .solid_shadow_intensity = r->settings.solid_shadow_intensity,
                       .solid_depths = r->solid_depths,
+                      .straight = 0.5F * r->settings.tolerance,
                       .rgba = r->combined};
   double start_s = fum_now_s();
   int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
@@ -189,7 +190,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
-  status = fum_splats_find(r->context, all, &r->view, footprint, job.thinnest, &splats);
+  status = fum_splats_find(r->context, all, &r->view, &light.slabs, footprint, job.thinnest, &splats);
   if (status != FUM_OK) goto done;
   fum_tiles_shade_dust(r->context, &job, &splats);
   r->stats.drawn_count = splats.seen_count;

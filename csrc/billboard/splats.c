@@ -3,7 +3,6 @@
 
 #include "base/vector.h"
 #include "billboard/dust.h"
-#include "lighting/slabs.h"
 
 /* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
  * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
@@ -27,32 +26,45 @@ static void find_slopes(double lateral, double depth, double radius, double out[
   if (high_x > 0.0) out[1] = (lateral * tangent + depth * radius) / high_x;
 }
 
-static int32_t clamp_pixel(double value, int32_t high) {
-  return value <= 0.0 ? 0 : value >= (double)high ? high : (int32_t)value;
-}
-
-static void find_footprint(const fum_view *view, double footprint_m, fum_splat *splat) {
+/* Box around the outline of a sphere. That is an ellipse, stretched away from the middle of the view by 1 / cosine. */
+static void find_outline(const fum_view *view, double footprint_m, fum_splat *splat) {
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const int32_t sides[2] = {view->width, view->height};
   const double depth = -(double)splat->center[2];
   if (depth + footprint_m <= view->clip_start || depth - footprint_m >= view->clip_end) return;
+  double middles[2], halves[2], squared_cosine = 1.0;
   for (int axis = 0; axis < 2; axis++) {
     const double center = (double)splat->center[axis], *edges = view->window + 2 * axis;
     double ends[2] = {center - footprint_m, center + footprint_m};
     if (is_perspective) find_slopes(center, depth, footprint_m, ends);
-    const double per_unit = (double)sides[axis] / (edges[1] - edges[0]);
-    if (!(ends[0] < ends[1])) {
-      splat->upper[0] = splat->upper[1] = 0;
-      return;
-    }
-    /* Pixels whose centres may lie within. */
-    splat->lower[axis] = clamp_pixel((ends[0] - edges[0]) * per_unit - 0.5, sides[axis]);
-    splat->upper[axis] = clamp_pixel((ends[1] - edges[0]) * per_unit + 1.5, sides[axis]);
+    const double per_unit = (double)sides[axis] / (edges[1] - edges[0]), beyond = 1e5;
+    const double first = fmax((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
+    const double last = fmin((ends[1] - edges[0]) * per_unit - 0.5, beyond);
+    if (ceil(first) > floor(last) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
+    if (first == -beyond || last == beyond) squared_cosine = 0.0;
+    middles[axis] = 0.5 * (first + last);
+    halves[axis] = 0.5 * (last - first);
   }
+  if (is_perspective && squared_cosine > 0.0) squared_cosine = pow(depth / (double)splat->range, 2.0);
+  for (int axis = 0; axis < 2; axis++) {
+    splat->middle_px[axis] = (float)middles[axis];
+    splat->half_px[axis] = (float)fmax(halves[axis], 1e-3);
+  }
+  /* How far the outline, with its long axis along the box's diagonal, is from the ellipse that fills the box. */
+  splat->rim = squared_cosine > 0.0 ? (float)(2.0 / (1.0 + squared_cosine)) : INFINITY;
 }
 
-static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, double footprint_sigmas,
-                     float thinnest) {
+static void find_span(const fum_slabs *slabs, fum_splat *s) {
+  const float bend = 0.5F * s->width * s->width * 16.0F / fum_max(s->range, s->width), reach = s->reach + bend;
+  int32_t last = fum_slab_at(slabs, (double)(s->range - reach));
+  s->first_slab = (uint16_t)last;
+  while (last + 1 < slabs->count && slabs->faces[last + 1].range <= s->range + reach)
+    last++;
+  s->last_slab = (uint16_t)last;
+}
+
+static fum_splat see(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs, int64_t i,
+                     double footprint_sigmas, float thinnest) {
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   double c[3];
@@ -69,20 +81,36 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, int64_t i, 
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
   splat.reach = (float)(sigma * fum_footprint(FUM_REACH_SIGMAS, optical_depth));
-  find_footprint(view, fum_footprint(footprint_sigmas, optical_depth) * width, &splat);
+  find_outline(view, fum_footprint(footprint_sigmas, optical_depth) * width, &splat);
+  find_span(slabs, &splat);
   return splat;
 }
 
 static bool is_seen(const fum_splat *s) {
-  return s->lower[0] < s->upper[0] && s->lower[1] < s->upper[1];
+  return s->half_px[0] > 0.0F;
+}
+
+/* First and last tile that the splat's box touches along an axis. */
+static void find_tiles(const fum_splat *s, int axis, int32_t count, int32_t out[2]) {
+  const float first = s->middle_px[axis] - s->half_px[axis], last = s->middle_px[axis] + s->half_px[axis];
+  const float end = (float)count;
+  const float tiles[2] = {first / (float)FUM_TILE, last / (float)FUM_TILE};
+  out[0] = tiles[0] > 0.0F ? (int32_t)tiles[0] : 0;
+  out[1] = tiles[1] < end ? (int32_t)tiles[1] : count - 1;
 }
 
 /* Calls for every tile that the splat touches: counts it, or writes it down at the place that was counted. */
 static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32_t *out) {
   const fum_splat *splat = &s->splats[i];
   if (!is_seen(splat)) return;
-  for (int32_t row = splat->lower[1] / FUM_TILE; row <= (splat->upper[1] - 1) / FUM_TILE; row++) {
-    for (int32_t column = splat->lower[0] / FUM_TILE; column <= (splat->upper[0] - 1) / FUM_TILE; column++) {
+  int32_t columns[2], rows[2];
+  find_tiles(splat, 0, s->columns, columns);
+  find_tiles(splat, 1, s->rows, rows);
+  for (int32_t row = rows[0]; row <= rows[1]; row++) {
+    const float y0 = (float)(row * FUM_TILE), gap = fum_splat_gap(splat, 1, y0, y0 + (float)(FUM_TILE - 1));
+    for (int32_t column = columns[0]; column <= columns[1]; column++) {
+      const float x0 = (float)(column * FUM_TILE);
+      if (gap + fum_splat_gap(splat, 0, x0, x0 + (float)(FUM_TILE - 1)) > splat->rim) continue;
       const int64_t at = cursors[(int64_t)row * s->columns + column]++;
       if (out != NULL) out[at] = (uint32_t)i;
     }
@@ -128,8 +156,8 @@ done:
   return status;
 }
 
-int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, float footprint_sigmas,
-                        float thinnest, fum_splats *out_splats) {
+int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                        float footprint_sigmas, float thinnest, fum_splats *out_splats) {
   fum_splats s = {.count = octree->count,
                   .columns = (view->width + FUM_TILE - 1) / FUM_TILE,
                   .rows = (view->height + FUM_TILE - 1) / FUM_TILE};
@@ -139,7 +167,7 @@ int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fu
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
   for (int64_t i = 0; i < s.count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 16)) continue;
-    s.splats[i] = see(octree, view, i, (double)footprint_sigmas, thinnest);
+    s.splats[i] = see(octree, view, slabs, i, (double)footprint_sigmas, thinnest);
     seen += is_seen(&s.splats[i]);
   }
   s.seen_count = seen;

@@ -3,8 +3,7 @@
 #ifndef FUM_BILLBOARD_SPLATS_H
 #define FUM_BILLBOARD_SPLATS_H
 
-#include "octree/octree.h"
-#include "scene/view.h"
+#include "lighting/slabs.h"
 
 enum { FUM_TILE = 32 }; /* pixels a side */
 
@@ -16,7 +15,10 @@ typedef struct fum_splat {
   float reach;                /* m along the view beyond which it holds nothing that is seen */
   float range;                /* distance of the centre, in an orthographic view its depth */
   float self_shade;           /* factor on what it scatters, of particles thinner than a pixel; 1 else */
-  int32_t lower[2], upper[2]; /* pixels of the footprint, upper not included; empty if it isn't seen */
+  float middle_px[2], half_px[2]; /* box around its outline, in pixels from the centre of the first one; halves are 0 if
+                                     it isn't seen */
+  float rim; /* pixels whose distances from the middle, over the halves, have squares that add up to more are outside */
+  uint16_t first_slab, last_slab; /* that it reaches into */
 } fum_splat;
 
 typedef struct fum_splats {
@@ -28,9 +30,16 @@ typedef struct fum_splats {
   uint32_t *tile_splats; /* splats of each tile, in the octree's order */
 } fum_splats;
 
+/* Squares of the distances from the splat's middle, over its half size, of the nearest of the pixels first to last. */
+static inline float fum_splat_gap(const fum_splat *s, int axis, float first, float last) {
+  const float before = first - s->middle_px[axis], behind = s->middle_px[axis] - last;
+  const float gap = before > 0.0F ? before : behind > 0.0F ? behind : 0.0F;
+  return gap * gap / (s->half_px[axis] * s->half_px[axis]);
+}
+
 /* `thinnest` as in fum_slabs_find. */
-int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, float footprint_sigmas,
-                        float thinnest, fum_splats *out_splats);
+int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                        float footprint_sigmas, float thinnest, fum_splats *out_splats);
 void fum_splats_free(fum_context *context, fum_splats *splats);
 
 #endif

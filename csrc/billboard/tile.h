@@ -10,6 +10,15 @@
 
 enum { FUM_TILE_PIXELS = FUM_TILE * FUM_TILE };
 
+/* A tile's pixels are kept in square blocks, one after the other: few blocks cover a splat. */
+enum { FUM_BLOCK = 4, FUM_BLOCK_PIXELS = FUM_BLOCK * FUM_BLOCK, FUM_BLOCKS = FUM_TILE / FUM_BLOCK };
+
+/* Where the pixel in column x and row y of a tile is kept. */
+static inline int32_t fum_tile_pixel(int32_t x, int32_t y) {
+  const int32_t block = y / FUM_BLOCK * FUM_BLOCKS + x / FUM_BLOCK;
+  return block * FUM_BLOCK_PIXELS + y % FUM_BLOCK * FUM_BLOCK + x % FUM_BLOCK;
+}
+
 /* What the tiles of a picture share. */
 typedef struct fum_tile_job {
   const fum_scene *scene;
@@ -29,6 +38,7 @@ typedef struct fum_tile_job {
   bool glows;                /* emission is added up as well */
   const float *centre_light; /* [3 octree->count] of particles that are lit at their centres, as of fum_inscatter, and
                                 counted as emission; NULL: light comes from the lattice */
+  float straight;            /* sigmas along the view within which bent faces count as flat: a share of the tolerance */
   float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
   float *rgba;               /* [height][width][4] */
 } fum_tile_job;

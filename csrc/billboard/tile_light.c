@@ -55,7 +55,7 @@ static void interpolate(const fum_lattice_face *face, const float *values, const
       float sum = 0.0F;
       for (int32_t k = 0; k < 4; k++)
         sum += up.weights[k][y] * rows[base + k][x];
-      out[y * FUM_TILE + x] = sum;
+      out[fum_tile_pixel(x, y)] = sum;
     }
   }
 }
@@ -71,7 +71,7 @@ static const float *held_on_face(const fum_light_grid *grid, int32_t light, int3
       values[i] = NAN;
     return values;
   }
-  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->u, grid->v, values);
+  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->columns, grid->rows, values);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     values[i] = values[i] < 0.0F ? 0.0F : values[i];
   return values;
@@ -90,8 +90,8 @@ static void interpolate_middle(const fum_light_grid *grid, const float *values, 
   float other[FUM_TILE_PIXELS];
   memset(out, 0, FUM_TILE_PIXELS * sizeof *out);
   if (begin->columns == 0) return;
-  interpolate(begin, values + light * lattice->sample_count, grid->u, grid->v, out);
-  interpolate(end, values + light * lattice->sample_count, grid->u, grid->v, other);
+  interpolate(begin, values + light * lattice->sample_count, grid->columns, grid->rows, out);
+  interpolate(end, values + light * lattice->sample_count, grid->columns, grid->rows, other);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     out[i] = 0.5F * (out[i] + other[i]);
 }
@@ -124,7 +124,7 @@ static void find_ray(const fum_light_grid *grid, int32_t pixel, float range, fum
                      fum_vec3 *out_direction) {
   const fum_view *view = grid->job->view;
   const double *m = view->local_from_camera;
-  const double u = (double)grid->u[pixel % FUM_TILE], v = (double)grid->v[pixel / FUM_TILE];
+  const double u = (double)grid->u[pixel], v = (double)grid->v[pixel];
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   double p[3], d[3];
   for (int row = 0; row < 3; row++) {

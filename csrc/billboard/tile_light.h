@@ -14,7 +14,8 @@ static const float FUM_TILE_THIN = 1e-10F, FUM_TILE_DARK = 12.0F;
 /* The pixels of a tile. */
 typedef struct fum_light_grid {
   const fum_tile_job *job;
-  const float *u, *v;          /* [FUM_TILE] of the window */
+  const float *columns, *rows; /* [FUM_TILE] of the window */
+  const float *u, *v;          /* [FUM_TILE_PIXELS] the same for each pixel */
   const float *inverse_length; /* [FUM_TILE_PIXELS] of (u, v, -1) */
   const float *near, *far;     /* [FUM_TILE_PIXELS] ranges at which the ray begins and ends */
 } fum_light_grid;

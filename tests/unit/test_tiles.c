@@ -142,7 +142,7 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
                    FUM_OK);
   assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, scene->light_count, lighting.lamps, &lattice),
                    FUM_OK);
-  assert_int_equal(fum_splats_find(context, all, &view, footprint_sigmas, job.thinnest, &splats), FUM_OK);
+  assert_int_equal(fum_splats_find(context, all, &view, &slabs, footprint_sigmas, job.thinnest, &splats), FUM_OK);
   draw_at_level(context, &job, FUM_CPU_PLAIN, plain);
   float brightest = 0.0F;
   for (int level = 1; level <= (int)FUM_CPU_AVX512; level++) {
