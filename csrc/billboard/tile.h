@@ -49,6 +49,7 @@ enum { FUM_NO_FACE = INT32_MIN };
 typedef struct fum_tile_held {
   int32_t faces[4]; /* face f, from -1 on, is kept at f & 3 */
   float values[4][FUM_TILE_PIXELS];
+  float visible[FUM_TILE_PIXELS]; /* share that solids let through, of the slab */
 } fum_tile_held;
 
 /* Buffers of one thread; zeroed before the first tile. */

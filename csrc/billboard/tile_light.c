@@ -152,9 +152,9 @@ static float depth_at(const span *s, float along) {
 /* Does a solid's shadow end between the samples around? */
 static bool is_shadow_edge(const span *s) {
   const fum_tile_job *job = s->grid->job;
-  const float blocked = 1.0F - job->solid_shadow_intensity, slack = 1e-3F;
+  const float blocked = 1.0F - job->solid_shadow_intensity;
   if (job->lattice->visible == NULL) return false;
-  return s->visible < 1.0F - slack && fabsf(s->visible - blocked) > slack;
+  return s->visible < 1.0F - FUM_SHADOW_SLACK && fabsf(s->visible - blocked) > FUM_SHADOW_SLACK;
 }
 
 enum { PARTS = 16 };
@@ -199,8 +199,8 @@ static bool is_uneven(const span *s) {
   if (is_shadow_edge(s)) return true;
   if (s->center.is_directional) return false;
   const float *size = s->lamp->desc.area_size, radius = s->is_area ? 0.5F * hypotf(size[0], size[1]) : 0.0F;
-  const float clear = fum_max(0.0F, fum_max(s->begin - s->nearest, s->nearest - s->end)), steep = 0.25F;
-  if (s->end - s->begin > steep * (hypotf(s->beside, clear) - radius)) return true;
+  const float clear = fum_max(0.0F, fum_max(s->begin - s->nearest, s->nearest - s->end));
+  if (s->end - s->begin > FUM_STEEP * (hypotf(s->beside, clear) - radius)) return true;
   if (s->lamp->desc.type != FUM_LIGHT_SPOT) return false;
   float strengths[3];
   for (int k = 0; k < 3; k++) {
@@ -287,46 +287,48 @@ static float find_lean(const fum_slab_smoke *smoke, const float ranges[4], float
   return fum_min(fum_max(change / here, -1.0F), 1.0F);
 }
 
-void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
-                         fum_slab_light *out_light) {
+void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held,
+                   fum_slab_held *out) {
+  const fum_tile_job *job = grid->job;
+  for (int32_t k = 0; k < 4; k++) {
+    out->faces[k] = held_on_face(grid, light, slab - 1 + k, held);
+    out->ranges[k] = fum_slabs_range(job->slabs, slab - 1 + k);
+  }
+  out->visible = NULL;
+  if (job->lattice->visible == NULL) return;
+  interpolate_middle(grid, job->lattice->visible, light, slab, held->visible);
+  out->visible = held->visible;
+}
+
+void fum_tile_light_pixel(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke,
+                          const fum_slab_held *held, int32_t pixel, fum_slab_light *out) {
   const fum_tile_job *job = grid->job;
   const fum_lamp *lamp = &job->lamps[light];
+  const float *ranges = held->ranges, first = ranges[1], last = ranges[2];
+  float around[4];
+  for (int k = 0; k < 4; k++)
+    around[k] = held->faces[k][pixel];
+  fum_lattice_fill(around);
   span s = {.grid = grid,
             .lamp = lamp,
             .slab = smoke->index,
             .center = {.is_directional = lamp->desc.type == FUM_LIGHT_SUN,
                        .position = lamp->position,
                        .direction = lamp->back},
+            .optical_depth = smoke->depth[pixel],
+            .length = last - first,
+            .held = {around[1], around[2]},
+            .bow = fum_lattice_bow(around, ranges),
+            .visible = held->visible != NULL ? held->visible[pixel] : 1.0F,
             .is_area = lamp->desc.type == FUM_LIGHT_AREA,
             .is_per_metre = fum_lattice_is_per_metre(lamp)};
-  const float *faces[4];
-  float ranges[4], visible[FUM_TILE_PIXELS];
-  for (int32_t k = 0; k < 4; k++) {
-    faces[k] = held_on_face(grid, light, smoke->index - 1 + k, held);
-    ranges[k] = fum_slabs_range(job->slabs, smoke->index - 1 + k);
-  }
-  const float first = ranges[1], last = ranges[2];
-  s.length = last - first;
-  if (job->lattice->visible != NULL) interpolate_middle(grid, job->lattice->visible, light, smoke->index, visible);
-  out_light->color = lamp->desc.intensity;
-  for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) {
-    out_light->begin[i] = out_light->end[i] = 0.0F;
-    for (int32_t c = 0; c < job->class_count; c++)
-      out_light->strengths[c][i] = 0.0F;
-    if (!(smoke->depth[i] > FUM_TILE_THIN && smoke->front[i] < FUM_TILE_DARK)) continue;
-    /* The near plane or a solid may begin or end the ray within the slab. */
-    s.begin = fum_min(last, fum_max(first, grid->near[i])) - first;
-    s.end = fum_max(s.begin, fum_min(last, grid->far[i]) - first);
-    float around[4] = {faces[0][i], faces[1][i], faces[2][i], faces[3][i]};
-    fum_lattice_fill(around);
-    s.held[0] = around[1];
-    s.held[1] = around[2];
-    s.bow = fum_lattice_bow(around, ranges);
-    s.optical_depth = smoke->depth[i];
-    s.lean = s.end > s.begin ? find_lean(smoke, ranges, grid->near[i], grid->far[i], i) : 0.0F;
-    if (job->lattice->visible != NULL) s.visible = visible[i];
-    find_ray(grid, i, first, &s.start, &s.direction);
-    pass_light(&s);
-    (s.end > s.begin && is_uneven(&s) ? light_parts : light_middle)(&s, i, out_light);
-  }
+  /* The near plane or a solid may begin or end the ray within the slab. */
+  s.begin = fum_min(last, fum_max(first, grid->near[pixel])) - first;
+  s.end = fum_max(s.begin, fum_min(last, grid->far[pixel]) - first);
+  s.lean = s.end > s.begin ? find_lean(smoke, ranges, grid->near[pixel], grid->far[pixel], pixel) : 0.0F;
+  find_ray(grid, pixel, first, &s.start, &s.direction);
+  pass_light(&s);
+  for (int32_t c = 0; c < job->class_count; c++)
+    out->strengths[c][pixel] = 0.0F;
+  (s.end > s.begin && is_uneven(&s) ? light_parts : light_middle)(&s, pixel, out);
 }

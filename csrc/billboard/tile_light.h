@@ -34,8 +34,25 @@ typedef struct fum_slab_smoke {
   const float *front;                 /* [FUM_TILE_PIXELS] optical depth in front of it */
 } fum_slab_smoke;
 
-/* `held` belongs to the light as long as the tile's slabs are gone through. */
-void fum_tile_light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
-                         fum_slab_light *out_light);
+/* What the lattice holds around a slab. */
+typedef struct fum_slab_held {
+  const float *faces[4]; /* [FUM_TILE_PIXELS] optical depth to the light, or that per metre, on the faces before, at the
+                            begin, at the end of and behind it; NaN: nothing is held there */
+  float ranges[4];       /* of these faces */
+  const float *visible;  /* [FUM_TILE_PIXELS] share that solids let through; NULL without solids */
+} fum_slab_held;
+
+/* Visibility that is off by less counts as full or none. */
+static const float FUM_SHADOW_SLACK = 1e-3F;
+/* Distances to a light, over the part of a ray that is looked at, from which on its middle stands for all of it: 1 /
+ * this. */
+static const float FUM_STEEP = 0.25F;
+
+/* `held` belongs to the light as long as the tile's slabs are gone through; `out` points into it. */
+void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held, fum_slab_held *out);
+
+/* Lights one pixel, whatever the light. */
+void fum_tile_light_pixel(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke,
+                          const fum_slab_held *held, int32_t pixel, fum_slab_light *out_light);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The loops of tile.h, to be compiled once for each instruction set: tile_*.c define FUM_LANES and FUM_TILE_NAME. */
-#include "billboard/tile_light.h"
+#include "billboard/tile_light_loop.h"
 #include "billboard/tile_splats_loop.h"
 
 #include <stdlib.h>
@@ -59,8 +59,9 @@ static void add_glow(const tile *t, const float *slab, sums *out) {
 
 /* Is any pixel's smoke in this slab still seen? */
 static bool shows(const float *slab, const sums *s) {
-  for (int32_t i = 0; i < FUM_TILE_PIXELS; i++) {
-    if (slab[i] > FUM_TILE_THIN && s->depth[i] < FUM_TILE_DARK) return true;
+  for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
+    const fum_vi seen = (fum_vf_load(slab + i) > FUM_TILE_THIN) & (fum_vf_load(s->depth + i) < FUM_TILE_DARK);
+    if (fum_vi_bits(seen) != 0) return true;
   }
   return false;
 }
@@ -83,7 +84,7 @@ static void resolve(const tile *t, const float *slabs, fum_tile_held *held, sums
                                   .next = k + 1 < t->slab_count ? slab + stride : NULL,
                                   .front = s->depth};
     for (int32_t l = 0; l < job->lattice->light_count; l++) {
-      fum_tile_light_slab(&grid, l, &smoke, &held[l], &light);
+      light_slab(&grid, l, &smoke, &held[l], &light);
       add_light(t, slab, &light, s);
     }
     if (job->glows) add_glow(t, slab, s);

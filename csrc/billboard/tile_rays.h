@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The part of tile_loop.h that knows a tile's pixels: the rays through them, and the slabs that they are cut into. */
+#ifndef FUM_BILLBOARD_TILE_RAYS_H
+#define FUM_BILLBOARD_TILE_RAYS_H
+
 #include "base/simd.h"
 #include "base/vector.h"
 #include "billboard/tile.h"
@@ -70,3 +73,5 @@ static fum_vf vf_min(fum_vf a, fum_vf b) {
 static fum_vf vf_max(fum_vf a, fum_vf b) {
   return fum_vf_select(a > b, a, b);
 }
+
+#endif
