@@ -159,8 +159,8 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
 
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
-  /* Tails that are cut off add up where many particles overlap: they are drawn further out than light is sampled, by
-   * less than its samples are apart. */
+  /* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask
+   * for light. Interpolation has them place samples out there anyway. */
   const float footprint = fum_footprint_sigmas(r->settings.tolerance),
               drawn = fum_footprint_sigmas(0.5F * r->settings.tolerance);
   float anisotropies[16];
