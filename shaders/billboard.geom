@@ -84,7 +84,8 @@ void main() {
     optical_depth = depth_of_coverage(coverage(optical_depth) * share * share);
   }
 
-  float radius = footprint_sigmas * width;
+  // Whatever a particle's optical depth, no more of it lies outside than of a thin one (fum_footprint).
+  float radius = sqrt(footprint_sigmas * footprint_sigmas + 2.0 * log(max(optical_depth, 1.0))) * width;
   if (depth + radius <= clip_depths.x || depth - radius >= clip_depths.y) return;
   vec2 x = center.x + vec2(-radius, radius);
   vec2 y = center.y + vec2(-radius, radius);

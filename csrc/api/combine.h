@@ -26,7 +26,7 @@ int32_t fum_combine_with_gl(fum_rendering *r);
 /* Particles added up in slabs, lit by a lattice or where that is enough at their centres. */
 int32_t fum_combine_with_tiles(fum_rendering *r);
 
-/* Share of a particle's optical depth that may lie outside of what is drawn: a quarter of the tolerance. In sigmas. */
+/* Sigmas out to which a particle is looked at: a quarter of the tolerance of its optical depth may lie outside. */
 float fum_footprint_sigmas(float tolerance);
 
 /* Notes what lighting took. */

@@ -65,6 +65,8 @@ done:
   return status;
 }
 
+/* Billboards end at their footprint, where tiles fill whole vectors of pixels and hold more than theirs: billboards get
+ * the wider one, so that the devices agree. */
 static fum_frame make_frame(const fum_rendering *r) {
   const fum_view *view = &r->view;
   fum_frame frame = {.type = view->type,
@@ -72,7 +74,7 @@ static fum_frame make_frame(const fum_rendering *r) {
                      .height = view->height,
                      .clip_start = (float)view->clip_start,
                      .clip_end = (float)view->clip_end,
-                     .footprint_sigmas = fum_footprint_sigmas(r->settings.tolerance),
+                     .footprint_sigmas = fum_footprint_sigmas(0.25F * r->settings.tolerance),
                      .solid_depths = r->solid_depths};
   for (int i = 0; i < 4; i++)
     frame.window[i] = (float)view->window[i];

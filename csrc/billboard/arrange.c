@@ -2,6 +2,7 @@
 #include "billboard/arrange.h"
 
 #include "base/radix.h"
+#include "lighting/slabs.h"
 
 #include <string.h>
 
@@ -64,7 +65,8 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
     to_camera(octree, view, (uint32_t)rank, center);
     const double depth = view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -center[2]) : 1.0;
     const double sigma = fmax(1.0 / (double)octree->inverse_sigmas[rank], pixel * depth);
-    const bool in_frame = is_in_frame(view, center, sigma * (double)footprint_sigmas);
+    const double footprint = fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[rank]);
+    const bool in_frame = is_in_frame(view, center, sigma * footprint);
     keys[octree->indices[rank]] = in_frame ? (uint64_t)order_key(view, center) << 32 | (uint64_t)rank : unseen;
     seen += in_frame;
   }
@@ -102,7 +104,7 @@ void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, co
     const int64_t i = index - set->offset;
     const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
     const bool glows = emission[0] > 0.0F || emission[1] > 0.0F || emission[2] > 0.0F;
-    const double sigma = (double)set->sigmas[i], thin = 1e-5 / sigma;
+    const double sigma = (double)set->sigmas[i], thin = 1e-5 / (sigma * FUM_SQRT_2PI);
     const double density = glows ? fmax((double)set->densities[i], thin) : (double)set->densities[i];
     fum_billboard *b = &out_billboards[n];
     double center[3];

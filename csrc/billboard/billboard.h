@@ -19,7 +19,7 @@ typedef struct fum_frame {
   int32_t width, height;
   float window[4]; /* left, right, bottom, top at unit depth or in metres */
   float clip_start, clip_end;
-  float footprint_sigmas; /* a billboard is drawn out to this many sigmas from its centre */
+  float footprint_sigmas; /* a thin billboard is drawn out to this many sigmas from its centre; see fum_footprint */
   const float
       *solid_depths; /* [height][width] depth along the axis of the nearest solid (clip_end if none); NULL: none */
 } fum_frame;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "billboard/gl_batch.h"
 
-#include <math.h>
+#include "lighting/slabs.h"
 
 /* Length of the part of [low, high] within [0, size]. */
 static double length_within(double low, double high, double size) {
@@ -24,7 +24,8 @@ static double extent_px(const fum_frame *frame, double center, double radius, do
 
 /* Fragments that a billboard makes in a tile, roughly and rather too many. */
 static double estimate_fragments(const fum_frame *frame, const fum_gl_tile *tile, const fum_billboard *billboard) {
-  const double radius = (double)frame->footprint_sigmas * billboard->sigma, depth = -(double)billboard->center[2];
+  const double footprint = fum_footprint((double)frame->footprint_sigmas, (double)billboard->optical_depth);
+  const double radius = footprint * (double)billboard->sigma, depth = -(double)billboard->center[2];
   const float *window = frame->window;
   if (depth + radius <= frame->clip_start || depth - radius >= frame->clip_end) return 0.0;
   return extent_px(frame, billboard->center[0], radius, depth, window[0], window[1], frame->width, tile->x,

@@ -49,7 +49,7 @@ int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options 
 /* What is known of the smoke that the camera sees. */
 typedef struct fum_meter_sight {
   const fum_view *view;
-  double footprint_sigmas;   /* in which particles are drawn */
+  double footprint_sigmas;   /* in which particles ask for light */
   const float *solid_depths; /* [height][width]; NULL: none */
   const fum_slabs *slabs;
   const fum_hidden *hidden; /* how much smoke is in front; found by walks where it doesn't know */
