@@ -26,32 +26,47 @@ static void find_slopes(double lateral, double depth, double radius, double out[
   if (high_x > 0.0) out[1] = (lateral * tangent + depth * radius) / high_x;
 }
 
-/* Box around the outline of a sphere. That is an ellipse, stretched away from the middle of the view by 1 / cosine. */
+/* fmin and fmax are calls, for the sake of NaN. */
+static double least(double a, double b) {
+  return a < b ? a : b;
+}
+
+static double most(double a, double b) {
+  return a > b ? a : b;
+}
+
+/* Square of an ellipse's short axis over the long one: of the cone around a sphere, with its axis at an angle to the
+ * view's, cut by the picture. 0 where it is no ellipse. */
+static double squared_aspect(const fum_splat *splat, double radius) {
+  const double squared = (double)splat->range * (double)splat->range, depth = (double)splat->center[2];
+  return most(0.0, (depth * depth - radius * radius) / (squared - radius * radius));
+}
+
+/* Box around the outline of a sphere, and the largest ellipse that the outline may be in it. */
 static void find_outline(const fum_view *view, double footprint_m, fum_splat *splat) {
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const int32_t sides[2] = {view->width, view->height};
   const double depth = -(double)splat->center[2];
   if (depth + footprint_m <= view->clip_start || depth - footprint_m >= view->clip_end) return;
-  double middles[2], halves[2], squared_cosine = 1.0;
+  double middles[2], halves[2], aspect = is_perspective ? squared_aspect(splat, footprint_m) : 1.0;
   for (int axis = 0; axis < 2; axis++) {
     const double center = (double)splat->center[axis], *edges = view->window + 2 * axis;
     double ends[2] = {center - footprint_m, center + footprint_m};
     if (is_perspective) find_slopes(center, depth, footprint_m, ends);
     const double per_unit = (double)sides[axis] / (edges[1] - edges[0]), beyond = 1e5;
-    const double first = fmax((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
-    const double last = fmin((ends[1] - edges[0]) * per_unit - 0.5, beyond);
+    const double first = most((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
+    const double last = least((ends[1] - edges[0]) * per_unit - 0.5, beyond);
     if (ceil(first) > floor(last) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
-    if (first == -beyond || last == beyond) squared_cosine = 0.0;
+    if (first == -beyond || last == beyond) aspect = 0.0;
     middles[axis] = 0.5 * (first + last);
     halves[axis] = 0.5 * (last - first);
   }
-  if (is_perspective && squared_cosine > 0.0) squared_cosine = pow(depth / (double)splat->range, 2.0);
   for (int axis = 0; axis < 2; axis++) {
     splat->middle_px[axis] = (float)middles[axis];
-    splat->half_px[axis] = (float)fmax(halves[axis], 1e-3);
+    splat->half_px[axis] = (float)most(halves[axis], 1e-3);
   }
-  /* How far the outline, with its long axis along the box's diagonal, is from the ellipse that fills the box. */
-  splat->rim = squared_cosine > 0.0 ? (float)(2.0 / (1.0 + squared_cosine)) : INFINITY;
+  /* Its tips are farthest out when the long axis lies along the box's diagonal. */
+  splat->rim = aspect > 0.0 ? (float)(2.0 / (1.0 + aspect)) : INFINITY;
 }
 
 static void find_span(const fum_slabs *slabs, fum_splat *s) {
@@ -71,9 +86,9 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, const fum_s
   fum_transform_point(view->camera_from_local, local, c);
   fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-  const double pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
+  const double pixel = most((view->window[1] - view->window[0]) / (double)view->width,
                             (view->window[3] - view->window[2]) / (double)view->height);
-  const double width = fmax(sigma, MIN_SIGMA_PIXELS * pixel * (is_perspective ? fmax(-c[2], 0.0) : 1.0));
+  const double width = most(sigma, MIN_SIGMA_PIXELS * pixel * (is_perspective ? most(-c[2], 0.0) : 1.0));
   double optical_depth = (double)fmaxf(octree->optical_depths[i], thinnest);
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;
@@ -106,11 +121,12 @@ static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32
   int32_t columns[2], rows[2];
   find_tiles(splat, 0, s->columns, columns);
   find_tiles(splat, 1, s->rows, rows);
+  const bool has_corners = columns[0] < columns[1] && rows[0] < rows[1];
   for (int32_t row = rows[0]; row <= rows[1]; row++) {
     const float y0 = (float)(row * FUM_TILE), gap = fum_splat_gap(splat, 1, y0, y0 + (float)(FUM_TILE - 1));
     for (int32_t column = columns[0]; column <= columns[1]; column++) {
       const float x0 = (float)(column * FUM_TILE);
-      if (gap + fum_splat_gap(splat, 0, x0, x0 + (float)(FUM_TILE - 1)) > splat->rim) continue;
+      if (has_corners && gap + fum_splat_gap(splat, 0, x0, x0 + (float)(FUM_TILE - 1)) > splat->rim) continue;
       const int64_t at = cursors[(int64_t)row * s->columns + column]++;
       if (out != NULL) out[at] = (uint32_t)i;
     }

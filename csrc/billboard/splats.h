@@ -8,13 +8,13 @@
 enum { FUM_TILE = 32 }; /* pixels a side */
 
 typedef struct fum_splat {
-  float center[3];            /* camera space */
-  float sigma;                /* along the view, m */
-  float width;                /* sigma across the view: at least 0.6 of a pixel */
-  float optical_depth;        /* through the centre, lowered when it was widened */
-  float reach;                /* m along the view beyond which it holds nothing that is seen */
-  float range;                /* distance of the centre, in an orthographic view its depth */
-  float self_shade;           /* factor on what it scatters, of particles thinner than a pixel; 1 else */
+  float center[3];                /* camera space */
+  float sigma;                    /* along the view, m */
+  float width;                    /* sigma across the view: at least 0.6 of a pixel */
+  float optical_depth;            /* through the centre, lowered when it was widened */
+  float reach;                    /* m along the view beyond which it holds nothing that is seen */
+  float range;                    /* distance of the centre, in an orthographic view its depth */
+  float self_shade;               /* factor on what it scatters, of particles thinner than a pixel; 1 else */
   float middle_px[2], half_px[2]; /* box around its outline, in pixels from the centre of the first one; halves are 0 if
                                      it isn't seen */
   float rim; /* pixels whose distances from the middle, over the halves, have squares that add up to more are outside */

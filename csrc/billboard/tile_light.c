@@ -71,7 +71,8 @@ static const float *held_on_face(const fum_light_grid *grid, int32_t light, int3
       values[i] = NAN;
     return values;
   }
-  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->columns, grid->rows, values);
+  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->columns, grid->rows,
+              values);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     values[i] = values[i] < 0.0F ? 0.0F : values[i];
   return values;
@@ -287,8 +288,7 @@ static float find_lean(const fum_slab_smoke *smoke, const float ranges[4], float
   return fum_min(fum_max(change / here, -1.0F), 1.0F);
 }
 
-void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held,
-                   fum_slab_held *out) {
+void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held, fum_slab_held *out) {
   const fum_tile_job *job = grid->job;
   for (int32_t k = 0; k < 4; k++) {
     out->faces[k] = held_on_face(grid, light, slab - 1 + k, held);

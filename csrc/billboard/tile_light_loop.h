@@ -159,11 +159,10 @@ static void light_middles(const fum_light_grid *grid, const fum_lamp *lamp, cons
   const fum_tile_job *job = grid->job;
   const fum_vf along = 0.5F * (s->begin + s->end), distance = distance_at(p, along);
   const fum_vf begin = depth_at(held, p, slab_length, s->begin), end = depth_at(held, p, slab_length, s->end);
-  const fum_vf bend =
-      depth_at(held, p, slab_length, along) - 0.5F * (begin + end) + 0.25F * s->lean * (end - begin);
+  const fum_vf bend = depth_at(held, p, slab_length, along) - 0.5F * (begin + end) + 0.25F * s->lean * (end - begin);
   const fum_vf a = s->optical_depth + end - begin;
-  const fum_vf exponent = vf_min(vf_max(bend * (4.0F / fum_vf_sqrt(36.0F + a * a)), fum_vf_set(-1.0F)),
-                                 fum_vf_set(1.0F));
+  const fum_vf exponent =
+      vf_min(vf_max(bend * (4.0F / fum_vf_sqrt(36.0F + a * a)), fum_vf_set(-1.0F)), fum_vf_set(1.0F));
   const fum_vf shine = p->is_sun ? fum_vf_set(1.0F) : point_irradiance(lamp->desc.radius, distance * distance);
   const fum_vf bent = strength * shine * fum_vf_exp2(exponent * -1.44269504F);
   const fum_vf cosine = p->is_sun ? p->cosine : (p->nearest - along) / vf_max(distance, fum_vf_set(1e-20F));

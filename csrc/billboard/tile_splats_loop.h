@@ -90,19 +90,34 @@ static void find_shares(const tile *t, const fum_splat *s, float range, bool mov
   }
 }
 
-/* Optical depth of a far splat at the pixels from `pixel` on, and in `out_squared` how far from its centre they pass. */
-static fum_vf find_gauss(const tile *t, const fum_splat *s, int32_t pixel, fum_vf *out_squared) {
+/* What a far splat's footprint is made of. */
+typedef struct footprint {
+  float u, v, depth; /* of the centre: place in the window, distance along the axis */
+  float optical_depth, falloff;
+  bool is_perspective;
+} footprint;
+
+static footprint find_footprint(const tile *t, const fum_splat *s) {
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
-  const float depth = is_perspective ? -s->center[2] : 1.0F, falloff = -HALF_LOG2_E / (s->width * s->width);
-  const float uc = s->center[0] / depth, vc = s->center[1] / depth;
-  const fum_vf e1 = (fum_vf_load(t->u + pixel) - uc) * depth, e2 = (fum_vf_load(t->v + pixel) - vc) * depth;
+  const float depth = is_perspective ? -s->center[2] : 1.0F, per_depth = 1.0F / depth;
+  return (footprint){.u = s->center[0] * per_depth,
+                     .v = s->center[1] * per_depth,
+                     .depth = depth,
+                     .optical_depth = s->optical_depth,
+                     .falloff = -HALF_LOG2_E / (s->width * s->width),
+                     .is_perspective = is_perspective};
+}
+
+/* Optical depth at the pixels from `pixel` on, and in `out_squared` how far from the centre they pass. */
+static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_vf *out_squared) {
+  const fum_vf e1 = (fum_vf_load(t->u + pixel) - f->u) * f->depth, e2 = (fum_vf_load(t->v + pixel) - f->v) * f->depth;
   fum_vf squared = e1 * e1 + e2 * e2;
-  if (is_perspective) { /* |centre x ray| / |ray|, written without a difference of large numbers */
-    const fum_vf e3 = e2 * uc - e1 * vc, inverse_length = fum_vf_load(t->inverse_length + pixel);
+  if (f->is_perspective) { /* |centre x ray| / |ray|, written without a difference of large numbers */
+    const fum_vf e3 = e2 * f->u - e1 * f->v, inverse_length = fum_vf_load(t->inverse_length + pixel);
     squared = (squared + e3 * e3) * (inverse_length * inverse_length);
   }
   *out_squared = squared;
-  return s->optical_depth * fum_vf_exp2(squared * falloff);
+  return f->optical_depth * fum_vf_exp2(squared * f->falloff);
 }
 
 /* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
@@ -110,27 +125,28 @@ static fum_vf find_gauss(const tile *t, const fum_splat *s, int32_t pixel, fum_v
  * shares. A widened splat stands for something small: it has its shares where it is. */
 static void splat_far(const tile *t, const fum_splat *s, const patch *p, const float *look, float *slabs) {
   share shares;
-  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
-  const float bend = is_perspective && !(s->width > s->sigma) ? 0.5F / s->range : 0.0F;
+  const footprint f = find_footprint(t, s);
+  const float bend = f.is_perspective && !(s->width > s->sigma) ? 0.5F / s->range : 0.0F;
   const float mean_squared = 2.0F * s->width * s->width;
   const int32_t count = s->last_slab - s->first_slab + 1;
   const int64_t stride = slab_stride(t);
+  float *first = slabs + (s->first_slab - t->first_slab) * stride;
   const bool moves = bend * mean_squared > t->job->straight * s->sigma, is_uniform = t->channels == 1;
   find_shares(t, s, s->range - bend * mean_squared, moves, &shares);
   for (int32_t n = 0; n < p->count; n++) {
     for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
       fum_vf squared;
-      const fum_vf gauss = find_gauss(t, s, p->blocks[n] + k, &squared);
+      const fum_vf gauss = find_gauss(t, &f, p->blocks[n] + k, &squared);
       const fum_vf moved = gauss * (bend * (mean_squared - squared));
-      float *at = slabs + (s->first_slab - t->first_slab) * stride + p->blocks[n] + k;
+      float *at = first + p->blocks[n] + k;
       if (is_uniform && !moves) {
         for (int32_t j = 0; j < count; j++, at += stride)
           fum_vf_store(at, fum_vf_load(at) + gauss * shares.of[j]);
         continue;
       }
       for (int32_t j = 0; j < count; j++, at += stride) {
-        const fum_vf part = moves ? fum_vf_at_least(gauss * shares.of[j] + moved * shares.change[j], 0.0F)
-                                  : gauss * shares.of[j];
+        const fum_vf part =
+            moves ? fum_vf_at_least(gauss * shares.of[j] + moved * shares.change[j], 0.0F) : gauss * shares.of[j];
         if (is_uniform) {
           fum_vf_store(at, fum_vf_load(at) + part);
         } else {

@@ -227,6 +227,18 @@ static double mean_thickness(const bin *bins) {
   return mass > 0.0 ? thickness / mass : 0.0;
 }
 
+static void find_starts(const double extent[2], fum_slabs *slabs) {
+  slabs->starts_per_metre = FUM_SLAB_STARTS / (extent[1] - extent[0]);
+  int32_t slab = 0;
+  for (int32_t k = 0; k < FUM_SLAB_STARTS; k++) {
+    /* A little before, for rounding: the search goes on from there. */
+    const double range = (double)slabs->faces[0].range + ((double)k - 0.01) / slabs->starts_per_metre;
+    while (slab + 1 < slabs->count && (double)slabs->faces[slab + 1].range <= range)
+      slab++;
+    slabs->starts[k] = (uint16_t)slab;
+  }
+}
+
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
                        float thinnest, fum_slabs *out_slabs) {
   bin *bins = NULL;
@@ -253,6 +265,7 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
   out_slabs->thickness = mean_thickness(bins);
   out_slabs->faces = faces;
   faces = NULL;
+  find_starts(s.extent, out_slabs);
 done:
   fum_free(context, &frequencies);
   fum_free(context, &faces);
@@ -262,17 +275,4 @@ done:
 
 void fum_slabs_free(fum_context *context, fum_slabs *slabs) {
   fum_free(context, &slabs->faces);
-}
-
-int32_t fum_slab_at(const fum_slabs *slabs, double range) {
-  int32_t low = 0, high = slabs->count - 1;
-  while (low < high) {
-    const int32_t middle = (low + high + 1) / 2;
-    if ((double)slabs->faces[middle].range <= range) {
-      low = middle;
-    } else {
-      high = middle - 1;
-    }
-  }
-  return low;
 }

@@ -7,7 +7,7 @@
 #include "octree/octree.h"
 #include "scene/view.h"
 
-enum { FUM_MAX_SLABS = 4096 };
+enum { FUM_MAX_SLABS = 4096, FUM_SLAB_STARTS = 1024 };
 
 /* A face: where it is, how closely light must be sampled on it, and which part of it has smoke near. */
 typedef struct fum_face {
@@ -21,6 +21,8 @@ typedef struct fum_slabs {
   int32_t count;    /* slabs; 0 when no smoke is in view */
   double thickness; /* extinction times sigma, mean over the smoke in view */
   fum_face *faces;  /* [count + 1], nearest first */
+  double starts_per_metre;
+  uint16_t starts[FUM_SLAB_STARTS]; /* slabs at even distances from face 0 on, where searches begin */
 } fum_slabs;
 
 /* Sigmas around a thin particle within which its smoke is looked at. */
@@ -48,6 +50,12 @@ static inline float fum_slabs_range(const fum_slabs *slabs, int32_t face) {
 }
 
 /* The slab that holds the range, the first or last one if none does. */
-int32_t fum_slab_at(const fum_slabs *slabs, double range);
+static inline int32_t fum_slab_at(const fum_slabs *slabs, double range) {
+  const double start = (range - (double)slabs->faces[0].range) * slabs->starts_per_metre;
+  int32_t slab = slabs->starts[!(start > 0.0) ? 0 : start < FUM_SLAB_STARTS ? (int32_t)start : FUM_SLAB_STARTS - 1];
+  while (slab + 1 < slabs->count && (double)slabs->faces[slab + 1].range <= range)
+    slab++;
+  return slab;
+}
 
 #endif
