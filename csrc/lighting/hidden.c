@@ -75,7 +75,7 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
   /* What is left of the light behind this depth is a fiftieth of the tolerance. */
   fum_hidden hidden = {.face_count = slabs->count + 1, .faces = faces, .limit = -logf(0.02F * tolerance)};
   float *positions = NULL;
-  fum_octree *points = NULL;
+  fum_octree *points = NULL, *casters = NULL;
   *out_hidden = hidden;
   /* Smoke before the clip range hides nothing, but lies between the samples and the camera. */
   if ((double)slabs->faces[0].range <= view->clip_start * 1.0001) return FUM_OK;
@@ -87,11 +87,13 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
   if (status != FUM_OK) goto done;
   place_points(view, slabs, &hidden, positions);
   status = fum_octree_build_points(context, octree->origin, count, positions, FUM_GROUP_SIZE, &points);
-  if (status == FUM_OK) status = solve(context, octree, view, points, hidden.limit, hidden.depths);
+  if (status == FUM_OK) status = fum_octree_merge_roughly(context, octree, &casters);
+  if (status == FUM_OK) status = solve(context, casters, view, points, hidden.limit, hidden.depths);
   if (status != FUM_OK) goto done;
   *out_hidden = hidden;
   hidden = (fum_hidden){0};
 done:
+  fum_octree_destroy(context, casters);
   fum_octree_destroy(context, points);
   fum_free(context, &positions);
   fum_hidden_free(context, &hidden);

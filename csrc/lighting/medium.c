@@ -171,24 +171,33 @@ static void weigh_leaf(const fum_medium *medium, const fum_octree_node *leaf, do
   for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
     const double sigma = (double)medium->sigma_scale / (double)octree->inverse_sigmas[i];
     mass += (double)octree->optical_depths[i] * (double)medium->depth_scale * sigma * sigma;
-    sigmas += sigma / leaf->count;
+    sigmas += sigma;
   }
   /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
   for (int axis = 0; axis < 3; axis++)
-    volume *= (double)leaf->upper[axis] - (double)leaf->lower[axis] + FUM_SQRT_2PI * sigmas;
+    volume *= (double)leaf->upper[axis] - (double)leaf->lower[axis] + FUM_SQRT_2PI * sigmas / leaf->count;
   out[0] = mass;
-  out[1] = mass * 2.0 * FUM_PI * mass / volume * sigmas;
+  out[1] = mass * 2.0 * FUM_PI * mass / volume * sigmas / leaf->count;
 }
 
-static double find_thickness(const fum_medium *medium) {
+/* In blocks of nodes, whatever the number of threads: sums must not depend on it. */
+static double find_thickness(fum_context *context, const fum_medium *medium) {
+  enum { BLOCKS = 256 };
   const fum_octree *octree = fum_medium_casters(medium);
-  double mass = 0.0, weighed = 0.0;
-  for (int64_t i = 0; i < octree->node_count; i++) {
-    double leaf[2];
-    if (octree->nodes[i].children != 0) continue;
-    weigh_leaf(medium, &octree->nodes[i], leaf);
-    mass += leaf[0];
-    weighed += leaf[1];
+  double blocks[BLOCKS][2] = {{0.0}}, mass = 0.0, weighed = 0.0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t b = 0; b < BLOCKS; b++) {
+    for (int64_t i = octree->node_count * b / BLOCKS; i < octree->node_count * (b + 1) / BLOCKS; i++) {
+      double leaf[2];
+      if (octree->nodes[i].children != 0) continue;
+      weigh_leaf(medium, &octree->nodes[i], leaf);
+      blocks[b][0] += leaf[0];
+      blocks[b][1] += leaf[1];
+    }
+  }
+  for (int b = 0; b < BLOCKS; b++) {
+    mass += blocks[b][0];
+    weighed += blocks[b][1];
   }
   return mass > 0.0 ? weighed / mass : 0.0;
 }
@@ -197,7 +206,7 @@ int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_me
   const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
   medium->error = transmittance_error;
   const int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
-  if (status == FUM_OK) medium->thickness = find_thickness(medium);
+  if (status == FUM_OK) medium->thickness = find_thickness(context, medium);
   return status;
 }
 

@@ -28,8 +28,14 @@ typedef struct scan {
   double thinnest;
   double frame_area; /* m^2 of the frame at unit range, in an orthographic view at any */
   double extent[2];
-  bin *bins; /* NULL: only the extent is found */
+  seen *leaves; /* [node_count] of leaves */
+  bin *bins;    /* NULL: only the extent is found */
 } scan;
+
+/* fmax is a call, for the sake of NaN. */
+static double most(double a, double b) {
+  return a > b ? a : b;
+}
 
 static void see(const scan *s, uint32_t begin, uint32_t count, const double lower[3], const double upper[3],
                 seen *out) {
@@ -37,20 +43,20 @@ static void see(const scan *s, uint32_t begin, uint32_t count, const double lowe
   double middle[3], volume = 1.0, squared = 0.0, mean_sigma = 0.0;
   *out = (seen){0};
   for (uint32_t i = begin; i < begin + count; i++) {
-    const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-    const double mass = fmax((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
-    mean_sigma += sigma / count;
+    const double inverse = (double)octree->inverse_sigmas[i], sigma = 1.0 / inverse;
+    const double mass = most((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
+    mean_sigma += sigma;
     if (!(mass > 0.0)) continue;
     out->mass += mass;
-    out->inverse_square += mass / (sigma * sigma);
-    out->reach = fmax(out->reach, sigma * fum_footprint(FUM_REACH_SIGMAS, (double)octree->optical_depths[i]));
+    out->inverse_square += mass * inverse * inverse;
+    out->reach = most(out->reach, sigma * fum_footprint(FUM_REACH_SIGMAS, (double)octree->optical_depths[i]));
   }
   for (int axis = 0; axis < 3; axis++) {
     const double side = upper[axis] - lower[axis];
     middle[axis] = 0.5 * (upper[axis] + lower[axis]);
     squared += 0.25 * side * side;
     /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
-    volume *= side + FUM_SQRT_2PI * mean_sigma;
+    volume *= side + FUM_SQRT_2PI * mean_sigma / count;
   }
   fum_transform_point(s->view->camera_from_local, middle, out->center);
   const double *c = out->center;
@@ -96,25 +102,41 @@ static void take(scan *s, const seen *of) {
   s->extent[1] = fmax(s->extent[1], of->range + reach);
 }
 
-/* Goes through the leaves; those that are large against their particles, particle by particle. */
+static void see_leaf(const scan *s, const fum_octree_node *node, seen *out) {
+  double lower[3], upper[3];
+  for (int axis = 0; axis < 3; axis++) {
+    lower[axis] = (double)node->lower[axis];
+    upper[axis] = (double)node->upper[axis];
+  }
+  see(s, node->begin, node->count, lower, upper, out);
+}
+
+static int32_t see_leaves(fum_context *context, scan *s) {
+  const fum_octree *octree = s->octree;
+  const int32_t status = fum_alloc(context, octree->node_count, sizeof *s->leaves, "slabs", &s->leaves);
+  if (status != FUM_OK) return status;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t n = 0; n < octree->node_count; n++) {
+    if (octree->nodes[n].children == 0) see_leaf(s, &octree->nodes[n], &s->leaves[n]);
+  }
+  return FUM_OK;
+}
+
+/* Goes through the leaves; those that are large against their particles, particle by particle. In their order: sums
+ * must not depend on threads. */
 static void scan_leaves(scan *s) {
   const double sparse = 8.0;
   for (int64_t n = 0; n < s->octree->node_count; n++) {
     const fum_octree_node *node = &s->octree->nodes[n];
+    const seen *leaf = &s->leaves[n];
     if (node->children != 0) continue;
-    double lower[3], upper[3];
-    seen of;
-    for (int axis = 0; axis < 3; axis++) {
-      lower[axis] = (double)node->lower[axis];
-      upper[axis] = (double)node->upper[axis];
-    }
-    see(s, node->begin, node->count, lower, upper, &of);
-    if (of.radius * of.radius * of.inverse_square <= sparse * sparse * of.mass) {
-      take(s, &of);
+    if (leaf->radius * leaf->radius * leaf->inverse_square <= sparse * sparse * leaf->mass) {
+      take(s, leaf);
       continue;
     }
     for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
       const double at[3] = {(double)s->octree->x[i], (double)s->octree->y[i], (double)s->octree->z[i]};
+      seen of;
       see(s, i, 1, at, at, &of);
       take(s, &of);
     }
@@ -246,10 +268,12 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
   double *frequencies = NULL;
   const double *w = view->window;
   scan s = {.octree = octree, .view = view, .thinnest = (double)thinnest, .frame_area = (w[1] - w[0]) * (w[3] - w[2])};
-  find_extent(&s);
   *out_slabs = (fum_slabs){0};
-  if (!(s.extent[0] < s.extent[1])) return FUM_OK;
-  int32_t status = fum_alloc(context, BINS, sizeof *bins, "slabs", &bins);
+  int32_t status = see_leaves(context, &s);
+  if (status != FUM_OK) goto done;
+  find_extent(&s);
+  if (!(s.extent[0] < s.extent[1])) goto done;
+  status = fum_alloc(context, BINS, sizeof *bins, "slabs", &bins);
   if (status == FUM_OK) status = fum_alloc(context, FUM_MAX_SLABS + 1, sizeof *faces, "slabs", &faces);
   if (status == FUM_OK) status = fum_alloc(context, BINS, sizeof *frequencies, "slabs", &frequencies);
   if (status != FUM_OK) goto done;
@@ -270,6 +294,7 @@ done:
   fum_free(context, &frequencies);
   fum_free(context, &faces);
   fum_free(context, &bins);
+  fum_free(context, &s.leaves);
   return status;
 }
 

@@ -17,8 +17,8 @@ typedef struct moments {
 typedef struct merging {
   const fum_octree *octree;
   double sigma_scale, depth_scale;
-  double allowed;    /* optical depth that a bunch may be wrong by on any segment */
-  uint32_t *order;   /* [count] scratch */
+  double allowed;    /* optical depth that a bunch may be wrong by on any segment, unless it is done roughly */
+  uint32_t *order;   /* [count] scratch; NULL: roughly, in bunches */
   uint32_t *counts;  /* [node_count] particles left in each leaf */
   fum_octree *loose; /* those of a leaf from its begin on; no nodes */
 } merging;
@@ -163,13 +163,48 @@ static bool is_worthwhile(fum_context *context, const merging *m) {
   return close > octree->count / 10;
 }
 
+/* Particles one after the other in the octree's order, as one if they hardly spread. */
+static uint32_t bunch_up(const merging *m, uint32_t begin, uint32_t count, uint32_t at) {
+  const double widest = 2.0; /* variance of their places over that of the narrowest */
+  moments all;
+  uint32_t particles[FUM_BUNCH];
+  double narrowest = INFINITY, squared = 0.0;
+  for (uint32_t i = 0; i < count; i++)
+    particles[i] = begin + i;
+  find_centroid(m, particles, count, &all);
+  for (uint32_t i = 0; i < count && all.mass > 0.0; i++) {
+    const double variance = variance_of(m, begin + i);
+    const double share = (double)m->octree->optical_depths[begin + i] * variance / all.mass;
+    double o[3];
+    offset_of(m, begin + i, all.centroid, o);
+    squared += share * (o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
+    all.variance += share * variance;
+    narrowest = fmin(narrowest, variance);
+  }
+  all.variance += squared / 3.0;
+  if (all.mass > 0.0 && squared / 3.0 <= widest * narrowest) {
+    emit(m, at, all.centroid, all.variance, all.mass / all.variance);
+    return at + 1;
+  }
+  copy_particles(m->octree, begin, count, m->loose, at);
+  return at + count;
+}
+
+static void bunch_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {
+  const uint32_t end = leaf->begin + leaf->count;
+  uint32_t at = leaf->begin;
+  for (uint32_t p = leaf->begin; p < end; p += FUM_BUNCH)
+    at = bunch_up(m, p, p + FUM_BUNCH < end ? FUM_BUNCH : end - p, at);
+  *out_count = at - leaf->begin;
+}
+
 static int32_t merge_leaves(fum_context *context, const merging *m, int64_t *out_count) {
   const fum_octree *octree = m->octree;
   int64_t count = 0;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256) reduction(+ : count)
   for (int64_t i = 0; i < octree->node_count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 10) || octree->nodes[i].children != 0) continue;
-    merge_leaf(m, &octree->nodes[i], &m->counts[i]);
+    (m->order != NULL ? merge_leaf : bunch_leaf)(m, &octree->nodes[i], &m->counts[i]);
     count += m->counts[i];
   }
   *out_count = count;
@@ -234,6 +269,19 @@ int32_t fum_octree_merge(fum_context *context, const fum_octree *octree, const f
   if (status == FUM_OK && count < octree->count / 10 * 9) status = close_gaps(context, &m, count, out_merged);
   fum_free(context, &m.counts);
   fum_free(context, &m.order);
+  fum_octree_destroy(context, m.loose);
+  return status;
+}
+
+int32_t fum_octree_merge_roughly(fum_context *context, const fum_octree *octree, fum_octree **out_merged) {
+  merging m = {.octree = octree, .sigma_scale = 1.0, .depth_scale = 1.0};
+  int64_t count = 0;
+  int32_t status = fum_octree_create(context, octree->origin, octree->count, true, &m.loose);
+  if (status == FUM_OK)
+    status = fum_alloc(context, octree->node_count, sizeof *m.counts, "merged particles", &m.counts);
+  if (status == FUM_OK) status = merge_leaves(context, &m, &count);
+  if (status == FUM_OK) status = close_gaps(context, &m, count, out_merged);
+  fum_free(context, &m.counts);
   fum_octree_destroy(context, m.loose);
   return status;
 }
