@@ -4,7 +4,11 @@
 #include <omp.h>
 #include <string.h>
 
-enum { DIGIT_BITS = 8, BUCKETS = 1 << DIGIT_BITS, CHECK_STRIDE = 1 << 18 };
+/* Passes over digits that together tell apart most keys; the few that they don't are sorted among themselves. */
+enum { DIGIT_BITS = 11, BUCKETS = 1 << DIGIT_BITS, PASSES = 3, CHECK_STRIDE = 1 << 18 };
+
+/* Keys up to which insertion beats a pass. */
+enum { SHORT_RUN = 48 };
 
 typedef struct buffers {
   uint64_t *keys;
@@ -65,7 +69,17 @@ static bool sort_digit(fum_context *context, int64_t count, int shift, buffers f
   return true;
 }
 
-int32_t fum_radix_sort(fum_context *context, int64_t count, int first_bit, uint64_t *keys, uint32_t *values) {
+/* The highest bit in which keys differ, -1 if they are all the same. */
+static int highest_difference(fum_context *context, int64_t count, const uint64_t *keys) {
+  uint64_t differences = 0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(| : differences)
+  for (int64_t i = 0; i < count; i++)
+    differences |= keys[i] ^ keys[0];
+  return differences != 0 ? 63 - __builtin_clzll(differences) : -1;
+}
+
+/* Sorts by bits [shift, shift + PASSES * DIGIT_BITS). */
+static int32_t sort_digits(fum_context *context, int64_t count, int shift, uint64_t *keys, uint32_t *values) {
   const int64_t serial_below = 1 << 14;
   const int blocks = count < serial_below ? 1 : fum_thread_count(context);
   buffers from = {keys, values}, to = {NULL, NULL};
@@ -75,7 +89,7 @@ int32_t fum_radix_sort(fum_context *context, int64_t count, int first_bit, uint6
   if (status == FUM_OK && values != NULL) status = fum_alloc(context, count, sizeof *values, "sort", &to.values);
   buffers scratch = to;
   if (status != FUM_OK) goto done;
-  for (int shift = first_bit; shift < 64; shift += DIGIT_BITS) {
+  for (int pass = 0; pass < PASSES && shift < 64; pass++, shift += DIGIT_BITS) {
     if (fum_is_cancelled(context)) break;
     if (!sort_digit(context, count, shift, from, to, counts, blocks)) continue;
     const buffers swap = from;
@@ -93,4 +107,67 @@ done:
   fum_free(context, &scratch.keys);
   fum_free(context, &counts);
   return status;
+}
+
+static void insert(int64_t count, int first_bit, uint64_t *keys, uint32_t *values) {
+  for (int64_t i = 1; i < count; i++) {
+    const uint64_t key = keys[i];
+    const uint32_t value = values != NULL ? values[i] : 0;
+    int64_t at = i;
+    for (; at > 0 && keys[at - 1] >> first_bit > key >> first_bit; at--) {
+      keys[at] = keys[at - 1];
+      if (values != NULL) values[at] = values[at - 1];
+    }
+    keys[at] = key;
+    if (values != NULL) values[at] = value;
+  }
+}
+
+static int64_t run_end(int64_t begin, int64_t count, int shift, const uint64_t *keys) {
+  int64_t end = begin + 1;
+  while (end < count && keys[end] >> shift == keys[begin] >> shift)
+    end++;
+  return end;
+}
+
+/* Sorts the short ones of the runs from `begin` to `end`. True if there are long ones as well. */
+static bool insert_short_runs(int64_t begin, int64_t end, int first_bit, int shift, uint64_t *keys, uint32_t *values) {
+  bool has_long = false;
+  for (int64_t next = begin; begin < end; begin = next) {
+    next = run_end(begin, end, shift, keys);
+    has_long = has_long || next - begin > SHORT_RUN;
+    if (next - begin <= SHORT_RUN)
+      insert(next - begin, first_bit, keys + begin, values != NULL ? values + begin : NULL);
+  }
+  return has_long;
+}
+
+/* Puts keys in order that agree in the bits from `shift` on. */
+static int32_t sort_runs(fum_context *context, int64_t count, int first_bit, int shift, uint64_t *keys,
+                         uint32_t *values) {
+  enum { BLOCKS = 64 };
+  int64_t begins[BLOCKS + 1] = {0};
+  bool has_long = false;
+  for (int block = 1; block <= BLOCKS; block++) {
+    const int64_t at = block_begin(count, block, BLOCKS), last = at > begins[block - 1] ? at : begins[block - 1];
+    begins[block] = last > 0 ? run_end(last - 1, count, shift, keys) : 0;
+  }
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(|| : has_long)
+  for (int block = 0; block < BLOCKS; block++)
+    has_long |= insert_short_runs(begins[block], begins[block + 1], first_bit, shift, keys, values);
+  int32_t status = FUM_OK;
+  for (int64_t begin = 0, end = 0; has_long && begin < count && status == FUM_OK; begin = end) {
+    end = run_end(begin, count, shift, keys);
+    if (end - begin <= SHORT_RUN) continue;
+    status = fum_radix_sort(context, end - begin, first_bit, keys + begin, values != NULL ? values + begin : NULL);
+  }
+  return status;
+}
+
+int32_t fum_radix_sort(fum_context *context, int64_t count, int first_bit, uint64_t *keys, uint32_t *values) {
+  const int highest = highest_difference(context, count, keys), wanted = highest + 1 - PASSES * DIGIT_BITS;
+  if (highest < first_bit) return FUM_OK;
+  const int shift = wanted > first_bit ? wanted : first_bit;
+  const int32_t status = sort_digits(context, count, shift, keys, values);
+  return status == FUM_OK && shift > first_bit ? sort_runs(context, count, first_bit, shift, keys, values) : status;
 }

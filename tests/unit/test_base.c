@@ -51,6 +51,28 @@ static void test_radix_sort_by_high_bits_keeps_low_bits_in_order(void **state) {
   fum_context_destroy(context);
 }
 
+/* Long runs that agree in their high bits, short ones, and bits that aren't to be sorted by. */
+static void test_radix_sort_of_clustered_keys(void **state) {
+  (void)state;
+  enum { COUNT = 60000, FIRST_BIT = 5 };
+  fum_context *context = NULL;
+  assert_int_equal(fum_context_create(&context), FUM_OK);
+  static uint64_t keys[COUNT];
+  static uint32_t values[COUNT];
+  for (uint32_t i = 0; i < COUNT; i++) {
+    const uint64_t cluster = i % 4 == 0 ? fum_hash64(i) % 20000 : i % 4;
+    keys[i] = cluster << 49 | fum_hash64(i + COUNT) % 5000 << FIRST_BIT | (COUNT - i) % 32;
+    values[i] = i;
+  }
+  assert_int_equal(fum_radix_sort(context, COUNT, FIRST_BIT, keys, values), FUM_OK);
+  for (int i = 1; i < COUNT; i++) {
+    const uint64_t before = keys[i - 1] >> FIRST_BIT, here = keys[i] >> FIRST_BIT;
+    assert_true(before < here || (before == here && values[i - 1] < values[i]));
+    assert_int_equal(keys[i] % 32, (COUNT - values[i]) % 32);
+  }
+  fum_context_destroy(context);
+}
+
 static void test_allocation_failure_says_how_much(void **state) {
   (void)state;
   fum_context *context = NULL;
@@ -93,6 +115,7 @@ int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_radix_sort_is_stable_for_any_number_of_threads),
       cmocka_unit_test(test_radix_sort_by_high_bits_keeps_low_bits_in_order),
+      cmocka_unit_test(test_radix_sort_of_clustered_keys),
       cmocka_unit_test(test_allocation_failure_says_how_much),
       cmocka_unit_test(test_warnings_come_once),
   };
