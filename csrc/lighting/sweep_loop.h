@@ -6,6 +6,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
  * faces are open at once; two slabs are worked on at a time. */
@@ -119,21 +120,6 @@ static void find_line(const patch *p, const footprint *f, float line[FACES]) {
   }
 }
 
-/* `count` columns of a row of a caster's footprint, from `x` on. */
-static void find_row(const patch *p, const footprint *f, int32_t x, int32_t count, int32_t y, float row[MOST_COLUMNS]) {
-  const float cell = p->job->level->cell, e2 = ((float)y - f->row) * cell;
-  for (int32_t k = 0; k < count; k += FUM_LANES) {
-    const fum_vf e1 = (fum_vf_load(NUMBERS + k) + ((float)x - f->column)) * cell;
-    fum_vf squared = e1 * e1 + e2 * e2;
-    if (!p->job->view->is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series */
-      const float inverse = f->squared_cosine;
-      const fum_vf e3 = e2 * f->u - e1 * f->v, grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
-      squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
-    }
-    fum_vf_store(row + k, f->optical_depth * fum_vf_exp2(squared * -f->falloff));
-  }
-}
-
 static int32_t at_least(float value, int32_t least) {
   return value > (float)least ? (int32_t)ceilf(value) : least;
 }
@@ -142,25 +128,72 @@ static int32_t at_most(float value, int32_t most) {
   return value < (float)most ? (int32_t)floorf(value) : most;
 }
 
+/* Cells around a caster: a box, of which each row has those within reach. */
+typedef struct box {
+  int32_t x, y, rows, width;                       /* first cell; width is 8, 16 or 32, so that rows fill vectors */
+  int32_t begins[MOST_COLUMNS], ends[MOST_COLUMNS]; /* of rows, from x on */
+} box;
+
+/* False where nothing of the caster is in the patch. */
+static bool find_box(const patch *p, const footprint *f, box *out) {
+  const int32_t x1 = at_most(f->column + f->reach, p->columns - 1), y1 = at_most(f->row + f->reach, p->rows - 1);
+  out->x = at_least(f->column - f->reach, 0);
+  out->y = at_least(f->row - f->reach, 0);
+  const int32_t columns = x1 - out->x + 1, rows = y1 - out->y + 1;
+  if (columns <= 0 || rows <= 0) return false;
+  out->width = columns <= 8 ? 8 : columns <= 16 ? 16 : MOST_COLUMNS;
+  out->rows = rows < MOST_COLUMNS ? rows : MOST_COLUMNS;
+  const float first = (float)out->x, last = (float)(x1 < out->x + MOST_COLUMNS ? x1 : out->x + MOST_COLUMNS - 1);
+  for (int32_t k = 0; k < out->rows; k += FUM_LANES) {
+    const fum_vf dy = fum_vf_load(NUMBERS + k) + ((float)out->y - f->row);
+    const fum_vf half = fum_vf_sqrt(fum_vf_at_least(f->reach * f->reach - dy * dy, 0.0F));
+    /* None is negative, so that truncation rounds down. */
+    const fum_vf begin = fum_vf_at_least(f->column - half - first, 0.0F), end = f->column + half;
+    const fum_vf clipped = fum_vf_select(end < last, end, fum_vf_set(last)) - first + 1.0F;
+    const fum_vi whole = __builtin_convertvector(begin, fum_vi), ends = __builtin_convertvector(clipped, fum_vi);
+    const fum_vi begins = whole - (__builtin_convertvector(whole, fum_vf) < begin);
+    memcpy(out->begins + k, &begins, sizeof begins);
+    memcpy(out->ends + k, &ends, sizeof ends);
+  }
+  return true;
+}
+
+/* Optical depths of a caster at the cells of a box, rows one after the other. */
+static void find_cells(const patch *p, const footprint *f, const box *b, float *cells) {
+  /* Columns and rows of a vector's entries, where rows are 8 wide. */
+  static const float COLUMNS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7},
+                     ROWS[16] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+  const float cell = p->job->level->cell, *columns = b->width == 8 ? COLUMNS : NUMBERS;
+  const fum_vf rows = b->width == 8 ? fum_vf_load(ROWS) : fum_vf_set(0.0F);
+  for (int32_t k = 0; k < b->rows * b->width; k += FUM_LANES) {
+    const fum_vf e1 = (fum_vf_load(columns + k % b->width) + ((float)b->x - f->column)) * cell;
+    const fum_vf e2 = (rows + ((float)(b->y + k / b->width) - f->row)) * cell;
+    fum_vf squared = e1 * e1 + e2 * e2;
+    if (!p->job->view->is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series */
+      const float inverse = f->squared_cosine;
+      const fum_vf e3 = e2 * f->u - e1 * f->v, grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
+      squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
+    }
+    fum_vf_store(cells + k, f->optical_depth * fum_vf_exp2(squared * -f->falloff));
+  }
+}
+
 /* Adds a caster to the cells that it covers. */
 static void deposit(const patch *p, const footprint *f) {
-  float line[FACES], row[MOST_COLUMNS];
+  float line[FACES], cells[MOST_COLUMNS * MOST_COLUMNS + FUM_LANES];
   fum_vf shares[FACES / FUM_LANES];
-  const int32_t y0 = at_least(f->row - f->reach, 0), y1 = at_most(f->row + f->reach, p->rows - 1);
+  box b;
+  if (!find_box(p, f, &b)) return;
+  find_cells(p, f, &b, cells);
   find_line(p, f, line);
   for (int32_t k = 0; k < FACES / FUM_LANES; k++)
     shares[k] = fum_vf_load(line + k * FUM_LANES);
-  for (int32_t y = y0; y <= y1; y++) {
-    const float dy = (float)y - f->row, squared = f->reach * f->reach - dy * dy;
-    const float half = squared > 0.0F ? sqrtf(squared) : 0.0F; /* rounding may put the outermost row outside */
-    const int32_t x0 = at_least(f->column - half, 0), x1 = at_most(f->column + half, p->columns - 1);
-    const int32_t wanted = x1 - x0 + 1, count = wanted < MOST_COLUMNS ? wanted : MOST_COLUMNS;
-    if (count <= 0) continue;
-    find_row(p, f, x0, count, y, row);
-    float *at = p->lines + ((int64_t)y * p->columns + x0) * FACES;
-    for (int32_t x = 0; x < count; x++, at += FACES) {
+  for (int32_t y = 0; y < b.rows; y++) {
+    float *at = p->lines + ((int64_t)(b.y + y) * p->columns + b.x) * FACES;
+    const float *row = cells + y * b.width;
+    for (int32_t x = b.begins[y]; x < b.ends[y]; x++) {
       for (int32_t k = 0; k < FACES / FUM_LANES; k++)
-        fum_vf_store(at + k * FUM_LANES, fum_vf_load(at + k * FUM_LANES) + row[x] * shares[k]);
+        fum_vf_store(at + x * FACES + k * FUM_LANES, fum_vf_load(at + x * FACES + k * FUM_LANES) + row[x] * shares[k]);
     }
   }
 }
