@@ -210,7 +210,7 @@ static void find_caster_spans(const sorting *s, int64_t i, span *out) {
     out[n] = (span){{0, 0}, {0, 0}};
   if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
-  const float radius = sigma * (s->view->reach + FUM_SWEEP_MARGIN * level->cell / seen);
+  const float radius = sigma * (s->view->reach + 2.1F * level->cell / seen);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
     out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
