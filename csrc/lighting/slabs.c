@@ -76,13 +76,14 @@ static void fill_bins(scan *s, const seen *of, double reach, const float lower[2
   const double area = fmin(1.0, s->frame_area * distance * distance / (4.0 * reach * reach));
   const double share = area * (to - from) / (2.0 * reach) / (last - first + 1),
                sigma = sqrt(of->mass / of->inverse_square);
-  for (int b = first; b <= last; b++) {
-    s->bins[b].mass += of->mass * share;
-    s->bins[b].inverse_sigma += of->inverse_square * share;
-    s->bins[b].thickness += of->mass * share * of->extinction * sigma;
+  const double mass = of->mass * share, inverse = of->inverse_square * share, thickness = mass * of->extinction * sigma;
+  for (bin *b = s->bins + first; b <= s->bins + last; b++) {
+    b->mass += mass;
+    b->inverse_sigma += inverse;
+    b->thickness += thickness;
     for (int axis = 0; axis < 2; axis++) {
-      s->bins[b].lower[axis] = fminf(s->bins[b].lower[axis], lower[axis]);
-      s->bins[b].upper[axis] = fmaxf(s->bins[b].upper[axis], upper[axis]);
+      b->lower[axis] = fum_min(b->lower[axis], lower[axis]);
+      b->upper[axis] = fum_max(b->upper[axis], upper[axis]);
     }
   }
 }

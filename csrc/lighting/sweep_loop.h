@@ -8,6 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Casters and receivers are fetched from memory so many before they are needed: their order is not that of memory. */
+enum { AHEAD = 8 };
+
 /* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
  * faces are open at once; two slabs are worked on at a time. */
 enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH };
@@ -250,6 +253,7 @@ static void sort_agenda(int64_t count, int32_t slab_count, agenda *a) {
   for (int32_t k = slab_count; k > 0; k--)
     a->begins[k] = a->begins[k - 1];
   a->begins[0] = 0;
+  memset(a->order + count, 0, AHEAD * sizeof *a->order);
 }
 
 /* Opens BATCH faces more, behind all casters so far, in the place of the first ones. */
@@ -270,9 +274,12 @@ static void sweep_patch(patch *p, const footprint *footprints, const agenda *cas
   const int32_t end = p->job->level->slab_count;
   uint32_t added = 0, read = 0;
   for (int32_t slab = 0; slab < end; slab += BATCH) {
-    for (; added < casters->begins[slab + BATCH]; added++)
+    for (; added < casters->begins[slab + BATCH]; added++) {
+      __builtin_prefetch(&footprints[casters->order[added + AHEAD]]);
       deposit(p, &footprints[casters->order[added]]);
+    }
     for (; read < receivers->begins[slab + BATCH]; read++) {
+      __builtin_prefetch(&spots[receivers->order[read + AHEAD]]);
       const uint32_t i = receivers->order[read];
       const float depth = read_depth(p, &spots[i]);
       p->job->depths[indices[i]] += depth > 0.0F ? depth : 0.0F;
@@ -303,10 +310,10 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   spot *spots = reserve(scratch, FUM_SWEEP_SPOTS, receivers * (int64_t)sizeof *spots);
   agenda to_add = {reserve(scratch, FUM_SWEEP_CASTER_SLABS, casters * (int64_t)sizeof(int32_t)),
                    reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins_bytes),
-                   reserve(scratch, FUM_SWEEP_CASTER_ORDER, casters * (int64_t)sizeof(uint32_t))};
+                   reserve(scratch, FUM_SWEEP_CASTER_ORDER, (casters + AHEAD) * (int64_t)sizeof(uint32_t))};
   agenda to_read = {reserve(scratch, FUM_SWEEP_RECEIVER_SLABS, receivers * (int64_t)sizeof(int32_t)),
                     reserve(scratch, FUM_SWEEP_RECEIVER_BEGINS, begins_bytes),
-                    reserve(scratch, FUM_SWEEP_RECEIVER_ORDER, receivers * (int64_t)sizeof(uint32_t))};
+                    reserve(scratch, FUM_SWEEP_RECEIVER_ORDER, (receivers + AHEAD) * (int64_t)sizeof(uint32_t))};
   if (scratch->is_out_of_memory) return;
   uint32_t indices[FUM_LANES];
   for (int64_t k = 0; k < casters; k += FUM_LANES) {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "octree/merge.h"
 
+#include "base/vector.h"
 #include "octree/neighbours.h"
 
 #include <math.h>
@@ -130,12 +131,14 @@ static uint32_t merge_range(const merging *m, const uint32_t *particles, uint32_
 /* Could two neighbours of the leaf be as close as this many sigmas? If not, nothing there is merged. */
 static bool is_close(const merging *m, const fum_octree_node *leaf) {
   const double sigmas = 1.2;
-  double longest = 0.0, largest = 0.0;
+  double longest = 0.0;
+  float least_inverse = INFINITY;
   for (int axis = 0; axis < 3; axis++)
     longest = fmax(longest, (double)leaf->upper[axis] - (double)leaf->lower[axis]);
   for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++)
-    largest = fmax(largest, 1.0 / (double)m->octree->inverse_sigmas[p]);
-  return leaf->count > 1 && longest * cbrt(2.0 / (double)leaf->count) < sigmas * m->sigma_scale * largest;
+    least_inverse = fum_min(least_inverse, m->octree->inverse_sigmas[p]);
+  return leaf->count > 1 &&
+         longest * cbrt(2.0 / (double)leaf->count) * (double)least_inverse < sigmas * m->sigma_scale;
 }
 
 static void merge_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {
