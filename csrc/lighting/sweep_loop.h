@@ -133,7 +133,7 @@ static int32_t at_most(float value, int32_t most) {
 
 /* Cells around a caster: a box, of which each row has those within reach. */
 typedef struct box {
-  int32_t x, y, rows, width;                       /* first cell; width is 8, 16 or 32, so that rows fill vectors */
+  int32_t x, y, rows, width;                        /* first cell; width is 8, 16 or 32, so that rows fill vectors */
   int32_t begins[MOST_COLUMNS], ends[MOST_COLUMNS]; /* of rows, from x on */
 } box;
 

@@ -137,8 +137,7 @@ static bool is_close(const merging *m, const fum_octree_node *leaf) {
     longest = fmax(longest, (double)leaf->upper[axis] - (double)leaf->lower[axis]);
   for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++)
     least_inverse = fum_min(least_inverse, m->octree->inverse_sigmas[p]);
-  return leaf->count > 1 &&
-         longest * cbrt(2.0 / (double)leaf->count) * (double)least_inverse < sigmas * m->sigma_scale;
+  return leaf->count > 1 && longest * cbrt(2.0 / (double)leaf->count) * (double)least_inverse < sigmas * m->sigma_scale;
 }
 
 static void merge_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {

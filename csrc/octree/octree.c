@@ -77,9 +77,9 @@ static morton_cube find_cube(fum_context *context, const unsorted *points) {
               : ux, uy, uz)
   for (int64_t i = 0; i < points->count; i++) {
     const float *p = points->positions + 3 * i;
-    lx = fminf(lx, p[0]), ux = fmaxf(ux, p[0]);
-    ly = fminf(ly, p[1]), uy = fmaxf(uy, p[1]);
-    lz = fminf(lz, p[2]), uz = fmaxf(uz, p[2]);
+    lx = fum_min(lx, p[0]), ux = fum_max(ux, p[0]);
+    ly = fum_min(ly, p[1]), uy = fum_max(uy, p[1]);
+    lz = fum_min(lz, p[2]), uz = fum_max(uz, p[2]);
   }
   const double side = fmax((double)ux - (double)lx, fmax((double)uy - (double)ly, (double)uz - (double)lz));
   return (morton_cube){{lx, ly, lz}, side > 0.0 ? (double)(1 << MORTON_BITS) / side : 0.0};
@@ -253,58 +253,86 @@ static int64_t count_chosen(const fum_scene *scene, float share) {
   return count;
 }
 
-static void collect_chosen(const fum_scene *scene, float share, float *positions, uint32_t *indices) {
+/* The particles that go in. */
+typedef struct chosen {
+  float *positions;  /* [3 count] local space */
+  float *weights;    /* [2 count] 1 / sigma; optical depth through the centre */
+  uint32_t *indices; /* [count] scene indices */
+} chosen;
+
+static void choose(const fum_scene *scene, const fum_particles *set, int64_t i, float share, const chosen *out,
+                   int64_t at) {
+  const double sigma = (double)set->sigmas[i], density = (double)set->densities[i] / (double)share;
+  const double inverse = 1.0 / sigma, depth = density * sigma * FUM_SQRT_2PI;
+  local_from_world(scene->origin, set->positions + 3 * i, out->positions + 3 * at);
+  out->weights[2 * at] = (float)(inverse < 1e18 ? inverse : 1e18); /* its square stays finite */
+  out->weights[2 * at + 1] = (float)(depth < 1e30 ? depth : 1e30);
+  out->indices[at] = (uint32_t)(set->offset + i);
+}
+
+static void collect_all(const fum_scene *scene, const chosen *out) {
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+#pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
+    for (int64_t i = 0; i < set->count; i++) {
+      if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) continue;
+      choose(scene, set, i, 1.0F, out, set->offset + i);
+    }
+  }
+}
+
+static void collect_share(const fum_scene *scene, float share, const chosen *out) {
   int64_t n = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
     for (int64_t i = 0; i < set->count; i++) {
       if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) return;
-      if (!is_chosen(scene, set, i, share)) continue;
-      local_from_world(scene->origin, set->positions + 3 * i, positions + 3 * n);
-      indices[n++] = (uint32_t)(set->offset + i);
+      if (is_chosen(scene, set, i, share)) choose(scene, set, i, share, out, n++);
     }
   }
 }
 
-/* Turns positions within `points` into scene indices and fills in what each particle weighs. */
-static void fill_densities(const fum_scene *scene, float share, const uint32_t *indices, fum_octree *octree) {
-#pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
+/* Turns the order of what was chosen into scene indices, and fills in what each particle weighs. */
+static void fill_densities(fum_context *context, const chosen *from, fum_octree *octree) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
-    if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) continue;
-    const uint32_t index = indices[octree->indices[i]];
-    const fum_particles *set = fum_scene_particles_of(scene, index);
-    const double sigma = (double)set->sigmas[index - set->offset];
-    const double density = (double)set->densities[index - set->offset] / (double)share;
-    octree->indices[i] = index;
-    octree->inverse_sigmas[i] = (float)fmin(1.0 / sigma, 1e18); /* its square stays finite */
-    octree->optical_depths[i] = (float)fmin(density * sigma * FUM_SQRT_2PI, 1e30);
+    if (fum_progress_in_loop(context, i, CHECK_STRIDE)) continue;
+    const int64_t at = octree->indices[i];
+    octree->indices[i] = from->indices[at];
+    octree->inverse_sigmas[i] = from->weights[2 * at];
+    octree->optical_depths[i] = from->weights[2 * at + 1];
   }
 }
 
 int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *options, fum_octree **out_octree) {
   fum_context *context = scene->context;
   const int64_t count = count_chosen(scene, options->subsampling);
-  float *positions = NULL;
-  uint32_t *indices = NULL;
+  chosen all = {0};
   fum_octree *octree = NULL;
   int32_t status = fum_octree_create(context, scene->origin, count, true, &octree);
-  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *positions, "density octree", &positions);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *indices, "density octree", &indices);
+  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *all.positions, "density octree", &all.positions);
+  if (status == FUM_OK) status = fum_alloc(context, count, 2 * sizeof *all.weights, "density octree", &all.weights);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *all.indices, "density octree", &all.indices);
   if (status != FUM_OK) goto done;
   status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Collecting particles");
   if (status != FUM_OK) goto done;
-  collect_chosen(scene, options->subsampling, positions, indices);
-  const unsorted points = {count, positions};
+  if (options->subsampling >= 1.0F) {
+    collect_all(scene, &all);
+  } else {
+    collect_share(scene, options->subsampling, &all);
+  }
+  const unsorted points = {count, all.positions};
   status = build(context, &points, options->leaf_size, octree);
   if (status != FUM_OK) goto done;
-  fill_densities(scene, options->subsampling, indices, octree);
+  fill_densities(context, &all, octree);
   status = fum_progress_report(context, FUM_STAGE_OCTREE, 1.0F, "Octree is built");
   if (status != FUM_OK) goto done;
   *out_octree = octree;
   octree = NULL;
 done:
-  fum_free(context, &indices);
-  fum_free(context, &positions);
+  fum_free(context, &all.indices);
+  fum_free(context, &all.weights);
+  fum_free(context, &all.positions);
   fum_octree_destroy(context, octree);
   return status;
 }
