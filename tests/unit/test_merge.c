@@ -180,6 +180,39 @@ static void test_scales_count(void **state) {
   puffs_free(&p);
 }
 
+/* For a rough look: a few times fewer particles, the same mass, about the same depth on lines of some length; what is
+ * far apart stays as it is. */
+static void test_rough_merging(void **state) {
+  (void)state;
+  puffs dense = puffs_random(20000, 5, 1.0F, 0.1F, 1.0F), sparse = puffs_random(200, 6, 1.0F, 0.02F, 1.0F);
+  for (int64_t i = 0; i < dense.count; i++)
+    dense.radii[i] = 0.1F; /* n sigma^3 = 0.3 */
+  smoke s = smoke_open(&dense, 64, 1e-6F);
+  fum_octree *rough = NULL;
+  assert_int_equal(fum_octree_merge_roughly(s.stage.context, s.octree, &rough), FUM_OK);
+  assert_true(rough->count < s.octree->count / 3);
+  assert_true(fabs(mass_of(rough) / mass_of(s.octree) - 1.0) < 1e-5);
+  check_nodes(rough);
+  double errors = 0.0, depths = 0.0;
+  for (uint64_t trial = 0; trial < 200; trial++) {
+    double from[3], direction[3];
+    random_line(trial, 0.7, from, direction);
+    const double exact = line_depth(s.octree, from, direction), found = line_depth(rough, from, direction);
+    errors += (found - exact) * (found - exact);
+    depths += exact * exact;
+  }
+  if (errors > 0.05 * 0.05 * depths) fail_msg("off by %.3g %%", 100.0 * sqrt(errors / depths));
+  fum_octree_destroy(s.stage.context, rough);
+  smoke_close(&s);
+  s = smoke_open(&sparse, 64, 1e-6F);
+  assert_int_equal(fum_octree_merge_roughly(s.stage.context, s.octree, &rough), FUM_OK);
+  assert_int_equal(rough->count, s.octree->count);
+  fum_octree_destroy(s.stage.context, rough);
+  smoke_close(&s);
+  puffs_free(&dense);
+  puffs_free(&sparse);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_coincident_particles_become_one),
@@ -187,6 +220,7 @@ int main(void) {
       cmocka_unit_test(test_overlapping_particles_merge),
       cmocka_unit_test(test_a_bunch_keeps_its_error),
       cmocka_unit_test(test_scales_count),
+      cmocka_unit_test(test_rough_merging),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
