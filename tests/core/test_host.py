@@ -97,3 +97,15 @@ def test_host_with_jemalloc(tmp_path: Path) -> None:
     if "asan" in os.environ.get("LD_PRELOAD", ""):
         pytest.skip("AddressSanitizer brings its own malloc")
     check_work(run_work(tmp_path / "a.exr", preload=str(JEMALLOC)), tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize(("asked", "heard"), [(None, "PASSIVE"), ("active", "ACTIVE")])
+def test_threads_wait_without_spinning_unless_asked(asked: str | None, heard: str) -> None:
+    program = "import os; from fumarole.core import _library; _library.library(); print(os.environ.get('OMP_WAIT_POLICY'))"
+    environment = dict(os.environ, PYTHONPATH=str(ROOT / "blender_addon"), OMP_DISPLAY_ENV="true")
+    environment.pop("OMP_WAIT_POLICY", None)
+    if asked is not None:
+        environment["OMP_WAIT_POLICY"] = asked
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert f"OMP_WAIT_POLICY = '{heard}'" in done.stderr
+    assert done.stdout.strip() == str(asked), "the host's environment is as it was"
