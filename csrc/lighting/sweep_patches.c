@@ -39,38 +39,78 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
                        .upper = {(float)half, (float)half}};
 }
 
+/* Sigmas behind its centre at which a caster in the light's vicinity ends. */
+static const double NEAR_REACH = 4.0;
+
 /* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
 static float reach_for(double optical_depth) {
   const double least = 2.6, most = 4.4, left = 0.02; /* of the optical depth, before the tail falls off from there */
   return (float)fmin(most, fmax(least, sqrt(2.0 * log(fmax(1.0, optical_depth / left)))));
 }
 
-/* How casters, all within `radius`, are seen: their sigmas, [count], and distances from the light. False if one is
- * large as seen from it. */
-static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
-  const double widest = 0.1; /* sigma over distance */
+static double sigma_of(const fum_medium *medium, int64_t i) {
+  return (double)medium->sigma_scale / (double)fum_medium_casters(medium)->inverse_sigmas[i];
+}
+
+/* Finds the sigmas that casters have as seen from the light, [count]; returns the distance of the farthest. */
+static double find_sigmas(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle, squared = dot(o, o);
-  const bool is_parallel = view->is_parallel;
-  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, mass = 0.0;
-  const int threads = fum_thread_count(context);
-#pragma omp parallel for num_threads(threads) reduction(min                                                            \
-                                                        : nearest, smallest) reduction(max                             \
-                                                                                       : farthest, largest, wide)
+  double farthest = 0.0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) reduction(max : farthest)
   for (int64_t i = 0; i < casters->count; i++) {
     const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
                          (double)(casters->z[i] - view->middle.z)};
-    const double distance = is_parallel ? 1.0 : sqrt(squared + 2.0 * dot(o, q) + dot(q, q));
-    const double sigma_m = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i];
-    const double sigma = sigma_m / distance;
-    view->sigmas[i] = casters->optical_depths[i] > 0.0F ? (float)sigma : 0.0F;
+    const double distance = view->is_parallel ? 1.0 : sqrt(fmax(0.0, squared + 2.0 * dot(o, q) + dot(q, q)));
     if (!(casters->optical_depths[i] > 0.0F)) continue;
+    view->sigmas[i] = (float)(sigma_of(medium, i) / distance);
+    farthest = distance > farthest ? distance : farthest;
+  }
+  return farthest;
+}
+
+/* Sets the casters in the light's vicinity apart and measures both them and the others. */
+static void part(fum_context *context, const fum_medium *medium, double outermost, fum_sweep_view *view) {
+  /* Sigma over distance above which a shadow isn't a footprint; ratio of distances that ranges are good for. */
+  const double widest = 0.1, most_ratio = 100.0;
+  const bool is_parallel = view->is_parallel;
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, reach = 0.0;
+  double smallest_near = INFINITY;
+  int64_t near_count = 0;
+  const int threads = fum_thread_count(context);
+#pragma omp parallel for num_threads(threads) reduction(+ : near_count) reduction(min                                  \
+                                                        : nearest, smallest, smallest_near) reduction(max : farthest, largest, wide, reach)
+  for (int64_t i = 0; i < fum_medium_casters(medium)->count; i++) {
+    const double sigma = (double)view->sigmas[i], sigma_m = sigma_of(medium, i);
+    if (!(sigma > 0.0)) continue;
+    const double distance = is_parallel ? 1.0 : sigma_m / sigma;
+    if (!is_parallel && (sigma > widest || most_ratio * distance < outermost)) {
+      near_count++;
+      smallest_near = sigma < smallest_near ? sigma : smallest_near;
+      reach = distance + NEAR_REACH * sigma_m > reach ? distance + NEAR_REACH * sigma_m : reach;
+      view->sigmas[i] = 0.0F;
+      continue;
+    }
     nearest = distance < nearest ? distance : nearest;
     farthest = distance > farthest ? distance : farthest;
     smallest = sigma < smallest ? sigma : smallest;
     largest = sigma > largest ? sigma : largest;
     wide = sigma_m > wide ? sigma_m : wide;
   }
+  view->vicinity = (fum_sweep_vicinity){near_count, reach, smallest_near};
+  view->nearest = nearest;
+  view->farthest = farthest;
+  view->reference = sqrt(nearest * farthest);
+  view->smallest = (float)smallest;
+  view->largest = (float)largest;
+  view->reach_m = wide;
+}
+
+/* How casters, all within `radius`, are seen. False if none is but in the light's vicinity. */
+static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  double mass = 0.0;
+  part(context, medium, find_sigmas(context, medium, view), view);
   /* A sum over threads' shares would differ with their number. */
   for (int64_t i = 0; i < casters->count; i++) {
     const double sigma = 1.0 / (double)casters->inverse_sigmas[i];
@@ -78,13 +118,8 @@ static bool measure(fum_context *context, const fum_medium *medium, double radiu
   }
   const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
   view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
-  view->reach_m = wide * (double)view->reach;
-  view->nearest = nearest;
-  view->farthest = farthest;
-  view->reference = sqrt(nearest * farthest);
-  view->smallest = (float)smallest;
-  view->largest = (float)largest;
-  return is_parallel || (largest <= widest && farthest <= 100.0 * nearest);
+  view->reach_m *= (double)view->reach;
+  return view->farthest > 0.0;
 }
 
 /* Around the light where it is near, else before it: a window around the cone of the casters. Receivers beyond are in
@@ -126,8 +161,7 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
       view.to_middle[k] = middle[k] - light[k];
     const double distance = sqrt(dot(view.to_middle, view.to_middle));
     view.is_parallel = distance > far_away * radius;
-    if (!(distance > 0.0)) return FUM_OK;
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3 && distance > 0.0; k++)
       axis[k] = view.to_middle[k] / distance;
   }
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
@@ -171,19 +205,29 @@ static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, cons
                     fum_dot(q, face->axis) + face->offset[2]};
 }
 
+/* Window of a ball, in the plane of one of the face's sides and its axis: the tangents of its outlines, INFINITY where
+ * it reaches past the light. False if it is behind the light. */
+static bool find_window(float lateral, float axial, float radius, float *low, float *high) {
+  const float squared = lateral * lateral + axial * axial - radius * radius;
+  *low = -INFINITY;
+  *high = INFINITY;
+  if (!(squared > 0.0F)) return true;
+  const float s = sqrtf(squared), before = axial * s + lateral * radius, behind = axial * s - lateral * radius;
+  if (lateral > 0.0F ? before <= 0.0F : lateral < 0.0F && behind <= 0.0F) return false;
+  if (before > 0.0F) *low = (lateral * s - axial * radius) / before;
+  if (behind > 0.0F) *high = (lateral * s + axial * radius) / behind;
+  return true;
+}
+
 static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, float radius) {
-  const float lateral[2] = {p.x, p.y}, near = 1.0F / (p.z - radius), far = 1.0F / (p.z + radius);
+  const float lateral[2] = {p.x, p.y};
   const int32_t counts[2] = {face->columns, face->rows};
   const span none = {{0, 0}, {0, 0}};
-  const bool is_beside = !is_parallel && p.z <= 1.01F * radius;
   span s = none;
   if (!is_parallel && p.z + radius <= 0.0F) return none;
   for (int axis = 0; axis < 2; axis++) {
     float low = lateral[axis] - radius, high = lateral[axis] + radius;
-    if (!is_parallel) {
-      low = low > 0.0F ? low * far : is_beside ? -INFINITY : low * near;
-      high = high < 0.0F ? high * far : is_beside ? INFINITY : high * near;
-    }
+    if (!is_parallel && !find_window(lateral[axis], p.z, radius, &low, &high)) return none;
     if (!(high >= face->lower[axis] && low <= face->upper[axis])) return none;
     const float per_unit = (float)counts[axis] / (face->upper[axis] - face->lower[axis]);
     const float first = (low - face->lower[axis]) * per_unit, last = (high - face->lower[axis]) * per_unit;
@@ -229,7 +273,8 @@ static void find_receiver_spans(const sorting *s, int64_t i, span *out) {
     best = n;
     p = other;
   }
-  if (s->is_lit[i]) out[best] = find_span(s->view->is_parallel, &s->view->faces[best], p, 0.0F);
+  const bool is_behind = s->view->is_parallel || fum_length(p) >= (float)s->level->begin;
+  if (s->is_lit[i] && is_behind) out[best] = find_span(s->view->is_parallel, &s->view->faces[best], p, 0.0F);
 }
 
 /* Calls for every patch of an item: counts it, or writes the item down at the place that was counted. */

@@ -66,7 +66,7 @@ static bool solve(setup *t, const fum_emitter *emitter) {
   uint8_t is_lit[POINTS];
   bool is_solved = false;
   memset(is_lit, 1, sizeof is_lit);
-  const fum_sweep_task task = {&t->medium, &t->receivers, emitter, is_lit, FUM_SWEEP_MOST_LEVELS};
+  const fum_sweep_task task = {&t->medium, &t->receivers, emitter, is_lit, INFINITY};
   assert_int_equal(fum_sweep_solve(t->s.context, &task, (float[2]){0.0F, 1.0F}, t->depths, &is_solved), FUM_OK);
   return is_solved;
 }
@@ -210,7 +210,7 @@ static void test_only_lit_receivers(void **state) {
     is_lit[n] = n % 3 == 0;
     t->depths[n] = -1.0F;
   }
-  const fum_sweep_task task = {&t->medium, &t->receivers, &light, is_lit, FUM_SWEEP_MOST_LEVELS};
+  const fum_sweep_task task = {&t->medium, &t->receivers, &light, is_lit, INFINITY};
   assert_int_equal(fum_sweep_solve(t->s.context, &task, (float[2]){0.0F, 1.0F}, t->depths, &is_solved), FUM_OK);
   assert_true(is_solved);
   for (int n = 0; n < POINTS; n++)
