@@ -60,8 +60,8 @@ typedef struct fum_sweep_task {
 } fum_sweep_task;
 
 /* Optical depth from each lit receiver to the emitter, as fum_exact_solve. Sets `*out_is_solved` to false, and nothing
- * else, where a sweep can't do it or takes too long: casters too small for a grid, or more unlike than the levels allow,
- * and a light in whose vicinity there are most of the casters. */
+ * else, where a sweep can't do it or takes too long: casters too small for a grid, or more unlike than the levels
+ * allow, and a light in whose vicinity there are most of the casters. */
 int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const float progress[2], float *out_depths,
                         bool *out_is_solved);
 

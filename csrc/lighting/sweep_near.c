@@ -30,9 +30,9 @@ static void mark_within(fum_context *context, const fum_sweep_task *task, float 
   counts[1] = beyond;
 }
 
-/* Directions along a side that are a third of the smallest sigma apart, in whole tiles. */
+/* Directions along a side that are two fifths of the smallest sigma apart, in whole tiles. */
 static double side_for(double smallest_sigma) {
-  const double steps = ceil(2.0 / (smallest_sigma / 3.0)) + 2.0 * MARGIN;
+  const double steps = ceil(2.0 / (smallest_sigma * 0.4)) + 2.0 * MARGIN;
   return TILE * ceil(steps / TILE);
 }
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 /* Grid lines across a patch, and patches across a face. */
-enum { PATCH_CELLS = 64, MOST_PATCHES = 256 };
+enum { PATCH_CELLS = 64, MOST_PATCHES = 255 };
 
 static void cross(const double a[3], const double b[3], double out[3]) {
   for (int axis = 0; axis < 3; axis++) {
@@ -40,7 +40,7 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
 }
 
 /* Sigmas behind its centre at which a caster in the light's vicinity ends. */
-static const double NEAR_REACH = 4.0;
+static const double NEAR_REACH = 3.5;
 
 /* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
 static float reach_for(double optical_depth) {
@@ -178,12 +178,13 @@ void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
 }
 
 bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count) {
+  /* A patch is small against the sphere too, so that its cells are alike; but casters reach into more of small ones. */
+  const double widest = fmin(view->face_count > 1 ? 0.7 : 0.5, fmax(0.25, 32.0 * (double)level->cell));
   int64_t count = 0;
   for (int f = 0; f < view->face_count; f++) {
     fum_sweep_face *face = &view->faces[f];
-    const double cells = (double)(face->upper[0] - face->lower[0]) / (double)level->cell;
-    /* A patch is small against the sphere too, so that its cells are alike. */
-    const double least = view->is_parallel ? 1.0 : ceil((double)(face->upper[0] - face->lower[0]) / 0.25);
+    const double side = (double)(face->upper[0] - face->lower[0]), cells = side / (double)level->cell;
+    const double least = view->is_parallel ? 1.0 : ceil(side / widest);
     const double patches = fmax(least, ceil(cells / PATCH_CELLS));
     if (!(patches <= MOST_PATCHES)) return false;
     face->columns = face->rows = (int32_t)patches;
@@ -196,7 +197,7 @@ bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *
 
 /* Patches of a face that a ball is seen in; none where an end is not behind its begin. */
 typedef struct span {
-  uint16_t begin[2], end[2];
+  uint8_t begin[2], end[2];
 } span;
 
 static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, const fum_octree *points, int64_t i) {
@@ -232,8 +233,8 @@ static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, 
     const float per_unit = (float)counts[axis] / (face->upper[axis] - face->lower[axis]);
     const float first = (low - face->lower[axis]) * per_unit, last = (high - face->lower[axis]) * per_unit;
     const float most = (float)(counts[axis] - 1);
-    s.begin[axis] = (uint16_t)(first > 0.0F ? first < most ? first : most : 0.0F);
-    s.end[axis] = (uint16_t)((int32_t)(last < most ? last : most) + 1);
+    s.begin[axis] = (uint8_t)(first > 0.0F ? first < most ? first : most : 0.0F);
+    s.end[axis] = (uint8_t)((int32_t)(last < most ? last : most) + 1);
   }
   return s;
 }
@@ -247,6 +248,21 @@ typedef struct sorting {
   float sigma_scale;
 } sorting;
 
+/* A point as seen from the light, along the axes of the world. */
+static fum_vec3 see_plainly(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
+  const double *o = view->to_middle;
+  return (fum_vec3){points->x[i] - view->middle.x + (float)o[0], points->y[i] - view->middle.y + (float)o[1],
+                    points->z[i] - view->middle.z + (float)o[2]};
+}
+
+/* Is a ball clearly outside of the pyramid over a side of the cube? They look along x, against x, along y and so on. */
+static bool is_outside(fum_vec3 p, int side, float radius) {
+  const float at[3] = {p.x, p.y, p.z};
+  const int axis = side / 2;
+  const float lateral = fmaxf(fabsf(at[(axis + 1) % 3]), fabsf(at[(axis + 2) % 3]));
+  return lateral - 1.01F * (side % 2 == 0 ? at[axis] : -at[axis]) > 1.43F * radius;
+}
+
 static void find_caster_spans(const sorting *s, int64_t i, span *out) {
   const fum_sweep_level *level = s->level;
   const float seen = s->view->sigmas[i];
@@ -255,26 +271,31 @@ static void find_caster_spans(const sorting *s, int64_t i, span *out) {
   if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
   const float radius = sigma * (s->view->reach + FUM_SWEEP_MARGIN * level->cell / seen);
+  const fum_vec3 p = see_plainly(s->view, s->casters, i);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
+    if (s->view->face_count > 1 && is_outside(p, n, radius)) continue;
     out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
   }
 }
 
-/* On the face whose axis is nearest to the point. */
+/* The face whose axis is nearest to the point. */
+static int face_of(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
+  if (view->face_count == 1) return 0;
+  const fum_vec3 p = see_plainly(view, points, i);
+  const float x = fabsf(p.x), y = fabsf(p.y), z = fabsf(p.z);
+  if (x >= y && x >= z) return p.x < 0.0F;
+  return y >= z ? 2 + (p.y < 0.0F) : 4 + (p.z < 0.0F);
+}
+
 static void find_receiver_spans(const sorting *s, int64_t i, span *out) {
-  int best = 0;
-  fum_vec3 p = see(s->view, &s->view->faces[0], s->points, i);
-  out[0] = (span){{0, 0}, {0, 0}};
-  for (int n = 1; n < s->view->face_count; n++) {
-    const fum_vec3 other = see(s->view, &s->view->faces[n], s->points, i);
+  for (int n = 0; n < s->view->face_count; n++)
     out[n] = (span){{0, 0}, {0, 0}};
-    if (other.z <= p.z) continue;
-    best = n;
-    p = other;
-  }
+  if (!s->is_lit[i]) return;
+  const int n = face_of(s->view, s->points, i);
+  const fum_vec3 p = see(s->view, &s->view->faces[n], s->points, i);
   const bool is_behind = s->view->is_parallel || fum_length(p) >= (float)s->level->begin;
-  if (s->is_lit[i] && is_behind) out[best] = find_span(s->view->is_parallel, &s->view->faces[best], p, 0.0F);
+  if (is_behind) out[n] = find_span(s->view->is_parallel, &s->view->faces[n], p, 0.0F);
 }
 
 /* Calls for every patch of an item: counts it, or writes the item down at the place that was counted. */

@@ -30,15 +30,15 @@ typedef struct fum_sweep_vicinity {
 /* How a light sees casters and receivers: as points relative to `middle`. */
 typedef struct fum_sweep_view {
   bool is_parallel;
-  fum_vec3 middle;          /* of the casters, local space */
-  double to_middle[3];      /* from the light */
-  double nearest, farthest; /* of the casters' centres, from the light, but those in its vicinity */
-  double reference;         /* distance d at which ranges are 0. They grow with the logarithm of the distance:
-                               2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
-  float reach;              /* sigmas across the rays over which casters are put into a grid */
-  double reach_m;           /* that of the largest caster */
-  float smallest, largest;  /* of... */
-  float *sigmas;            /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
+  fum_vec3 middle;             /* of the casters, local space */
+  double to_middle[3];         /* from the light */
+  double nearest, farthest;    /* of the casters' centres, from the light, but those in its vicinity */
+  double reference;            /* distance d at which ranges are 0. They grow with the logarithm of the distance:
+                                  2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
+  float reach;                 /* sigmas across the rays over which casters are put into a grid */
+  double reach_m;              /* that of the largest caster */
+  float smallest, largest;     /* of... */
+  float *sigmas;               /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
   fum_sweep_vicinity vicinity; /* of the light: those casters aren't to be seen either */
   int32_t face_count;
   fum_sweep_face faces[FUM_SWEEP_FACES];

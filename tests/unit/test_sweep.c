@@ -152,14 +152,12 @@ static void test_unlike_radii(void **state) {
   close_setup(t);
 }
 
-/* A light within the cloud, or right beside it, isn't for a sweep; nor is no smoke. */
+/* Few particles are all near a light among them; and there may be no smoke. */
 static void test_refuses_what_it_cannot_do(void **state) {
   (void)state;
   setup *t = open_setup(cloud(2000, 4));
   const fum_emitter inside = point_light(t, (double[3]){0.1, 0.2, 0.3});
-  const fum_emitter beside = point_light(t, (double[3]){1.2, 0, 0});
   assert_false(solve(t, &inside));
-  assert_false(solve(t, &beside));
   close_setup(t);
   t = open_setup((puffs){.count = 0});
   const fum_emitter light = point_light(t, (double[3]){5, 0, 0});
