@@ -212,13 +212,15 @@ static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum
   return count;
 }
 
-/* Of measured times: a caster takes its time at its own level, and each is looked at, as each receiver is, at all of
- * them. */
-static bool is_affordable(const fum_sweep_task *task, const fum_sweep_near *near, int32_t levels) {
+/* Of measured times: a caster takes its time at its own level, more where it reaches over sides of a cube, and each is
+ * looked at, as each receiver is, at all of them. */
+static bool is_affordable(const fum_sweep_task *task, const fum_sweep_view *view, const fum_sweep_near *near,
+                          int32_t levels) {
   const double casters = (double)fum_medium_casters(task->medium)->count;
   const double receivers = (double)task->receivers->octree->count;
+  const double once_us = (view->face_count > 1 ? 0.35 : 0.16) * casters;
   const double level_us = 0.04 * casters + 0.07 * receivers;
-  return 0.16 * casters + (double)levels * level_us + near->cost_us <= task->affordable_us;
+  return once_us + (double)levels * level_us + near->cost_us <= task->affordable_us;
 }
 
 static int32_t solve_levels(fum_context *context, const fum_sweep_task *task, const float progress[2],
@@ -242,7 +244,7 @@ int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const 
   const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, shells) : 0;
   if (count == 0) goto done;
   status = fum_sweep_near_plan(context, task, &view, &near);
-  if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &near, count)) goto done;
+  if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &view, &near, count)) goto done;
   for (int64_t i = 0; i < task->receivers->octree->count; i++) {
     if (task->is_lit[i]) out_depths[i] = 0.0F;
   }

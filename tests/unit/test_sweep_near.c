@@ -7,7 +7,7 @@
 #include "lighting/sweep_near.h"
 #include "octree/pick.h"
 
-enum { CHECKED = 200 };
+enum { CHECKED = 100 };
 
 /* A cloud, and receivers of which the first CHECKED are compared. */
 typedef struct setup {
@@ -148,7 +148,7 @@ static void test_few_receivers(void **state) {
 static void test_many_receivers(void **state) {
   (void)state;
   for (int k = 0; k < 4; k++) {
-    setup *t = open_setup(cloud(100000, 2), 120000, PLACES[k]);
+    setup *t = open_setup(cloud(60000, 2), 120000, PLACES[k]);
     const fum_emitter light = point_light(t, PLACES[k]);
     bool has_directions, has_exact;
     plan(t, &light, &has_directions, &has_exact);
