@@ -178,8 +178,9 @@ void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
 }
 
 bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count) {
-  /* A patch is small against the sphere too, so that its cells are alike; but casters reach into more of small ones. */
-  const double widest = fmin(view->face_count > 1 ? 0.7 : 0.5, fmax(0.25, 32.0 * (double)level->cell));
+  /* A patch is small against the sphere too, so that its cells are alike; and there are enough for many threads. But
+   * casters reach into more of small ones. */
+  const double widest = view->face_count > 1 ? 0.7 : fmin(0.5, fmax(0.25, 32.0 * (double)level->cell));
   int64_t count = 0;
   for (int f = 0; f < view->face_count; f++) {
     fum_sweep_face *face = &view->faces[f];
