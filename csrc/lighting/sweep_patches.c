@@ -264,20 +264,46 @@ static bool is_outside(fum_vec3 p, int side, float radius) {
   return lateral - 1.01F * (side % 2 == 0 ? at[axis] : -at[axis]) > 1.43F * radius;
 }
 
-static void find_caster_spans(const sorting *s, int64_t i, span *out) {
+/* Where an item is: on a face, or one of these. */
+enum { NOWHERE = -1, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
+
+typedef struct place {
+  int8_t face;
+  span span;
+} place;
+
+/* Lists that are filled: first each patch's items are counted, then they are written down at the places counted. */
+typedef struct filling {
+  int64_t *cursors; /* [patch_count] */
+  uint32_t *list;   /* NULL: only counted */
+} filling;
+
+static void put(const fum_sweep_face *face, span s, int64_t i, const filling *f) {
+  for (int32_t row = s.begin[1]; row < s.end[1]; row++) {
+    for (int32_t column = s.begin[0]; column < s.end[0]; column++) {
+      const int64_t at = f->cursors[face->first_patch + (int64_t)row * face->columns + column]++;
+      if (f->list != NULL) f->list[at] = (uint32_t)i;
+    }
+  }
+}
+
+static place put_caster(const sorting *s, int64_t i, const filling *f) {
   const fum_sweep_level *level = s->level;
   const float seen = s->view->sigmas[i];
-  for (int n = 0; n < s->view->face_count; n++)
-    out[n] = (span){{0, 0}, {0, 0}};
-  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
+  place found = {.face = NOWHERE};
+  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return found;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
   const float radius = sigma * (s->view->reach + FUM_SWEEP_MARGIN * level->cell / seen);
   const fum_vec3 p = see_plainly(s->view, s->casters, i);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
     if (s->view->face_count > 1 && is_outside(p, n, radius)) continue;
-    out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
+    const span on_face = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
+    if (on_face.end[0] == 0) continue;
+    put(face, on_face, i, f);
+    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
   }
+  return found;
 }
 
 /* The face whose axis is nearest to the point. */
@@ -289,26 +315,24 @@ static int face_of(const fum_sweep_view *view, const fum_octree *points, int64_t
   return y >= z ? 2 + (p.y < 0.0F) : 4 + (p.z < 0.0F);
 }
 
-static void find_receiver_spans(const sorting *s, int64_t i, span *out) {
-  for (int n = 0; n < s->view->face_count; n++)
-    out[n] = (span){{0, 0}, {0, 0}};
-  if (!s->is_lit[i]) return;
+static place put_receiver(const sorting *s, int64_t i, const filling *f) {
+  const place nowhere = {.face = NOWHERE};
+  if (!s->is_lit[i]) return nowhere;
   const int n = face_of(s->view, s->points, i);
-  const fum_vec3 p = see(s->view, &s->view->faces[n], s->points, i);
-  const bool is_behind = s->view->is_parallel || fum_length(p) >= (float)s->level->begin;
-  if (is_behind) out[n] = find_span(s->view->is_parallel, &s->view->faces[n], p, 0.0F);
+  const fum_sweep_face *face = &s->view->faces[n];
+  const fum_vec3 p = see(s->view, face, s->points, i);
+  if (!s->view->is_parallel && fum_length(p) < (float)s->level->begin) return nowhere;
+  const place found = {(int8_t)n, find_span(s->view->is_parallel, face, p, 0.0F)};
+  put(face, found.span, i, f);
+  return found;
 }
 
-/* Calls for every patch of an item: counts it, or writes the item down at the place that was counted. */
-static void put(const fum_sweep_view *view, const span *spans, int64_t i, int64_t *cursors, uint32_t *out) {
-  for (int n = 0; n < view->face_count; n++) {
-    const fum_sweep_face *face = &view->faces[n];
-    for (int32_t row = spans[n].begin[1]; row < spans[n].end[1]; row++) {
-      for (int32_t column = spans[n].begin[0]; column < spans[n].end[0]; column++) {
-        const int64_t at = cursors[face->first_patch + (int64_t)row * face->columns + column]++;
-        if (out != NULL) out[at] = (uint32_t)i;
-      }
-    }
+/* What is on several faces is looked for again, instead of being remembered. */
+static void put_again(const sorting *s, place at, int64_t i, const filling *f) {
+  if (at.face == ON_SEVERAL_FACES) {
+    (void)put_caster(s, i, f);
+  } else if (at.face != NOWHERE) {
+    put(&s->view->faces[at.face], at.span, i, f);
   }
 }
 
@@ -318,19 +342,18 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
                     uint32_t **out_list) {
   const char *what = "patches of a light";
   const int64_t count = is_casters ? s->casters->count : s->points->count;
-  const int faces = s->view->face_count, blocks = fum_thread_count(context);
+  const int blocks = fum_thread_count(context);
   int64_t *cursors = NULL, total = 0;
-  span *spans = NULL;
+  place *places = NULL;
   int32_t status = fum_alloc(context, blocks * patch_count, sizeof *cursors, what, &cursors);
-  if (status == FUM_OK) status = fum_alloc(context, count * faces, sizeof *spans, what, &spans);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *places, what, &places);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
+    const filling f = {cursors + block * patch_count, NULL};
     const int64_t end = count * (block + 1) / blocks;
-    for (int64_t i = count * block / blocks; i < end; i++) {
-      (is_casters ? find_caster_spans : find_receiver_spans)(s, i, spans + i * faces);
-      put(s->view, spans + i * faces, i, cursors + block * patch_count, NULL);
-    }
+    for (int64_t i = count * block / blocks; i < end; i++)
+      places[i] = is_casters ? put_caster(s, i, &f) : put_receiver(s, i, &f);
   }
   for (int64_t patch = 0; patch < patch_count; patch++) {
     begins[patch] = total;
@@ -345,12 +368,13 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
+    const filling f = {cursors + block * patch_count, *out_list};
     const int64_t end = count * (block + 1) / blocks;
     for (int64_t i = count * block / blocks; i < end; i++)
-      put(s->view, spans + i * faces, i, cursors + block * patch_count, *out_list);
+      put_again(s, places[i], i, &f);
   }
 done:
-  fum_free(context, &spans);
+  fum_free(context, &places);
   fum_free(context, &cursors);
   return status;
 }
