@@ -2,6 +2,7 @@
 #include "lighting/sweep.h"
 
 #include "base/cpu.h"
+#include "lighting/sweep_near.h"
 
 #include <omp.h>
 #include <stdlib.h>
@@ -41,27 +42,71 @@ static float begin_of(int32_t bin, float smallest) {
   return begin;
 }
 
-static void count_bins(fum_context *context, const fum_sweep_view *view, int64_t count, int64_t bins[BINS]) {
-  memset(bins, 0, BINS * sizeof *bins);
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : bins[:BINS])
-  for (int64_t i = 0; i < count; i++) {
-    if (view->sigmas[i] > 0.0F) bins[bin_of(view->sigmas[i], view->smallest)]++;
+/* Casters by how large they look: how many, and the nearest and farthest from the light. */
+typedef struct census {
+  int64_t counts[BINS];
+  double nearest[BINS], farthest[BINS]; /* m */
+} census;
+
+static void take_census(fum_context *context, const fum_medium *medium, const fum_sweep_view *view, census *out) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  int64_t *counts = out->counts;
+  double *nearest = out->nearest, *farthest = out->farthest;
+  for (int32_t bin = 0; bin < BINS; bin++) {
+    counts[bin] = 0;
+    nearest[bin] = INFINITY;
+    farthest[bin] = 0.0;
+  }
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : counts[:BINS]) reduction(min : nearest[:BINS]) reduction(max : farthest[:BINS])
+  for (int64_t i = 0; i < casters->count; i++) {
+    const float seen = view->sigmas[i];
+    if (!(seen > 0.0F)) continue;
+    const int32_t bin = bin_of(seen, view->smallest);
+    const double sigma_m = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i];
+    const double distance = sigma_m / (double)seen;
+    counts[bin]++;
+    nearest[bin] = distance < nearest[bin] ? distance : nearest[bin];
+    farthest[bin] = distance > farthest[bin] ? distance : farthest[bin];
   }
 }
 
-/* As few levels as hold all casters, from the smallest on. Returns how many; 0: too many. */
-static int32_t find_levels(const fum_sweep_view *view, const int64_t bins[BINS], int32_t most,
-                           fum_sweep_level *levels) {
+/* A level and the distances of its casters from the light. */
+typedef struct shell {
+  fum_sweep_level level;
+  double nearest, farthest; /* m; of a light that isn't parallel */
+} shell;
+
+/* Levels that hold all casters, from the smallest on, each up to `ratio` between its sigmas. Returns how many; 0: too
+ * many. */
+static int32_t cut_levels(const fum_sweep_view *view, const census *c, double ratio, shell *shells) {
   int32_t count = 0;
   for (int32_t bin = 0; bin < BINS; bin++) {
-    if (bins[bin] == 0) continue;
-    if (count == most) return 0;
+    if (c->counts[bin] == 0) continue;
+    if (count == FUM_SWEEP_MOST_LEVELS) return 0;
     const float begin = begin_of(bin, view->smallest), smallest = fmaxf(begin, view->smallest);
-    while (bin + 1 < BINS && begin_of(bin + 2, view->smallest) <= smallest * (MOST_SIGMA / LEAST_SIGMA))
+    shell *s = &shells[count++];
+    *s = (shell){.nearest = c->nearest[bin], .farthest = c->farthest[bin]};
+    while (bin + 1 < BINS && (double)begin_of(bin + 2, view->smallest) <= (double)smallest * ratio) {
       bin++;
-    levels[count++] = (fum_sweep_level){
+      s->nearest = fmin(s->nearest, c->nearest[bin]);
+      s->farthest = fmax(s->farthest, c->farthest[bin]);
+    }
+    s->level = (fum_sweep_level){
         .smallest = begin, .largest = begin_of(bin + 1, view->smallest), .cell = smallest / LEAST_SIGMA};
   }
+  return count;
+}
+
+/* As few levels as there can be, and with those as fine cells as there can be. Returns how many; 0: too many. */
+static int32_t find_levels(const fum_sweep_view *view, const census *c, shell *shells) {
+  const double most = (double)(MOST_SIGMA / LEAST_SIGMA);
+  const int32_t count = cut_levels(view, c, most, shells);
+  shell even[FUM_SWEEP_MOST_LEVELS];
+  if (count < 2) return count;
+  /* A bin more, as they begin and end at bins. */
+  const double bin = pow(2.0, 1.0 / BINS_PER_OCTAVE);
+  const double ratio = bin * pow((double)(view->largest / view->smallest), 1.0 / (double)count);
+  if (ratio < most && cut_levels(view, c, ratio, even) == count) memcpy(shells, even, sizeof even);
   return count;
 }
 
@@ -71,8 +116,19 @@ static double range_of(const fum_sweep_view *view, double distance) {
   return 2.0 * x * (1.0 + squared * (1.0 / 3.0 + squared * (0.2 + squared / 7.0)));
 }
 
+/* The distance at a range. */
+static double distance_at(const fum_sweep_view *view, double range) {
+  double low = 0.0, high = view->farthest;
+  for (int step = 0; step < 50; step++) {
+    const double middle = 0.5 * (low + high);
+    *(range_of(view, middle) < range ? &low : &high) = middle;
+  }
+  return low;
+}
+
 /* Slabs from before the first caster to behind the last. */
-static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, fum_sweep_level *level) {
+static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, shell *s) {
+  fum_sweep_level *level = &s->level;
   /* As long as cells are wide, but far from the reference, where ranges grow more slowly than distances. */
   level->slab = level->cell;
   double from = INFINITY, to = -INFINITY;
@@ -84,11 +140,12 @@ static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, fum_
     from = -sqrt(squared);
     to = sqrt(squared);
   } else {
-    from = range_of(view, view->nearest);
-    to = range_of(view, view->farthest);
+    from = range_of(view, s->nearest);
+    to = range_of(view, s->farthest);
   }
   const double reach = 4.0 + (double)(FUM_SWEEP_SPREAD * MOST_SIGMA);
   level->first = (float)(from - (reach + 1.0) * (double)level->slab);
+  level->begin = view->is_parallel ? 0.0 : distance_at(view, (double)level->first);
   const double slabs = ceil((to - (double)level->first) / (double)level->slab + reach);
   level->slab_count = 2 * (int32_t)fmin(1e8, ceil(0.5 * slabs));
 }
@@ -141,36 +198,63 @@ static int32_t solve_level(fum_context *context, const fum_sweep_task *task, con
 }
 
 /* Levels with slabs. Returns how many; 0: casters are too unlike, or too small for a grid. */
-static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum_sweep_view *view,
-                           fum_sweep_level *levels) {
+static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum_sweep_view *view, shell *shells) {
   const int32_t most_slabs = 100000;
-  int64_t bins[BINS], patches;
+  census c;
+  int64_t patches;
   if (!(view->largest < view->smallest * (float)(1 << (MOST_OCTAVES - 1)))) return 0;
-  count_bins(context, view, fum_medium_casters(task->medium)->count, bins);
-  const int32_t count = find_levels(view, bins, task->most_levels, levels);
+  take_census(context, task->medium, view, &c);
+  const int32_t count = find_levels(view, &c, shells);
   for (int32_t k = 0; k < count; k++) {
-    cut_slabs(task->medium, view, &levels[k]);
-    if (!fum_sweep_lay(&levels[k], view, &patches) || levels[k].slab_count > most_slabs) return 0;
+    cut_slabs(task->medium, view, &shells[k]);
+    if (!fum_sweep_lay(&shells[k].level, view, &patches) || shells[k].level.slab_count > most_slabs) return 0;
   }
   return count;
+}
+
+/* Of measured times: a caster takes its time at its own level, more where it reaches over sides of a cube, and each is
+ * looked at, as each receiver is, at all of them. */
+static bool is_affordable(const fum_sweep_task *task, const fum_sweep_view *view, const fum_sweep_near *near,
+                          int32_t levels) {
+  const double casters = (double)fum_medium_casters(task->medium)->count;
+  const double receivers = (double)task->receivers->octree->count;
+  const double once_us = (view->face_count > 1 ? 0.35 : 0.16) * casters;
+  const double level_us = 0.04 * casters + 0.07 * receivers;
+  return once_us + (double)levels * level_us + near->cost_us <= task->affordable_us;
+}
+
+static int32_t solve_levels(fum_context *context, const fum_sweep_task *task, const float progress[2],
+                            fum_sweep_view *view, int32_t count, const shell *shells, float *depths) {
+  int32_t status = FUM_OK;
+  for (int32_t k = 0; k < count && status == FUM_OK; k++) {
+    const float step = (progress[1] - progress[0]) / (float)count, from = progress[0] + step * (float)k;
+    status = solve_level(context, task, (float[2]){from, from + step}, view, &shells[k].level, depths);
+  }
+  return status;
 }
 
 int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const float progress[2], float *out_depths,
                         bool *out_is_solved) {
   fum_sweep_view view = {0};
-  fum_sweep_level levels[FUM_SWEEP_MOST_LEVELS];
+  fum_sweep_near near = {0};
+  shell shells[FUM_SWEEP_MOST_LEVELS];
   bool is_clear;
   *out_is_solved = false;
   int32_t status = fum_sweep_view_find(context, task->medium, task->emitter, &view, &is_clear);
-  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, levels) : 0;
-  for (int64_t i = 0; i < task->receivers->octree->count && count > 0; i++) {
+  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, shells) : 0;
+  if (count == 0) goto done;
+  status = fum_sweep_near_plan(context, task, &view, &near);
+  if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &view, &near, count)) goto done;
+  for (int64_t i = 0; i < task->receivers->octree->count; i++) {
     if (task->is_lit[i]) out_depths[i] = 0.0F;
   }
-  for (int32_t k = 0; k < count && status == FUM_OK; k++) {
-    const float step = (progress[1] - progress[0]) / (float)count, from = progress[0] + step * (float)k;
-    status = solve_level(context, task, (float[2]){from, from + step}, &view, &levels[k], out_depths);
-  }
-  *out_is_solved = status == FUM_OK && count > 0;
+  const float from = progress[0] + (view.vicinity.count > 0 ? 0.2F : 0.0F) * (progress[1] - progress[0]);
+  status = fum_sweep_near_solve(context, task, &view, &near, (float[2]){progress[0], from}, out_depths);
+  if (status == FUM_OK)
+    status = solve_levels(context, task, (float[2]){from, progress[1]}, &view, count, shells, out_depths);
+  *out_is_solved = status == FUM_OK;
+done:
+  fum_sweep_near_free(context, &near);
   fum_sweep_view_free(context, &view);
   return status;
 }

@@ -56,12 +56,12 @@ typedef struct fum_sweep_task {
   const fum_receivers *receivers;
   const fum_emitter *emitter;
   const uint8_t *is_lit; /* in receivers' order */
-  int32_t most_levels;   /* 1..FUM_SWEEP_MOST_LEVELS */
+  double affordable_us;  /* predicted time, on all threads together, that it may take; INFINITY: whatever it takes */
 } fum_sweep_task;
 
 /* Optical depth from each lit receiver to the emitter, as fum_exact_solve. Sets `*out_is_solved` to false, and nothing
- * else, where a sweep can't do it: a light so near to casters that they aren't small as seen from it, casters too small
- * for a grid, or more unlike than the levels allow. */
+ * else, where a sweep can't do it or takes too long: casters too small for a grid, or more unlike than the levels
+ * allow, and a light in whose vicinity there are most of the casters. */
 int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const float progress[2], float *out_depths,
                         bool *out_is_solved);
 

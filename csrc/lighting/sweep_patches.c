@@ -4,7 +4,7 @@
 #include <string.h>
 
 /* Grid lines across a patch, and patches across a face. */
-enum { PATCH_CELLS = 64, MOST_PATCHES = 256 };
+enum { PATCH_CELLS = 64, MOST_PATCHES = 255 };
 
 static void cross(const double a[3], const double b[3], double out[3]) {
   for (int axis = 0; axis < 3; axis++) {
@@ -39,38 +39,78 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
                        .upper = {(float)half, (float)half}};
 }
 
+/* Sigmas behind its centre at which a caster in the light's vicinity ends. */
+static const double NEAR_REACH = 3.5;
+
 /* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
 static float reach_for(double optical_depth) {
   const double least = 2.6, most = 4.4, left = 0.02; /* of the optical depth, before the tail falls off from there */
   return (float)fmin(most, fmax(least, sqrt(2.0 * log(fmax(1.0, optical_depth / left)))));
 }
 
-/* How casters, all within `radius`, are seen: their sigmas, [count], and distances from the light. False if one is
- * large as seen from it. */
-static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
-  const double widest = 0.1; /* sigma over distance */
+static double sigma_of(const fum_medium *medium, int64_t i) {
+  return (double)medium->sigma_scale / (double)fum_medium_casters(medium)->inverse_sigmas[i];
+}
+
+/* Finds the sigmas that casters have as seen from the light, [count]; returns the distance of the farthest. */
+static double find_sigmas(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle, squared = dot(o, o);
-  const bool is_parallel = view->is_parallel;
-  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, mass = 0.0;
-  const int threads = fum_thread_count(context);
-#pragma omp parallel for num_threads(threads) reduction(min                                                            \
-                                                        : nearest, smallest) reduction(max                             \
-                                                                                       : farthest, largest, wide)
+  double farthest = 0.0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) reduction(max : farthest)
   for (int64_t i = 0; i < casters->count; i++) {
     const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
                          (double)(casters->z[i] - view->middle.z)};
-    const double distance = is_parallel ? 1.0 : sqrt(squared + 2.0 * dot(o, q) + dot(q, q));
-    const double sigma_m = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i];
-    const double sigma = sigma_m / distance;
-    view->sigmas[i] = casters->optical_depths[i] > 0.0F ? (float)sigma : 0.0F;
+    const double distance = view->is_parallel ? 1.0 : sqrt(fmax(0.0, squared + 2.0 * dot(o, q) + dot(q, q)));
     if (!(casters->optical_depths[i] > 0.0F)) continue;
+    view->sigmas[i] = (float)(sigma_of(medium, i) / distance);
+    farthest = distance > farthest ? distance : farthest;
+  }
+  return farthest;
+}
+
+/* Sets the casters in the light's vicinity apart and measures both them and the others. */
+static void part(fum_context *context, const fum_medium *medium, double outermost, fum_sweep_view *view) {
+  /* Sigma over distance above which a shadow isn't a footprint; ratio of distances that ranges are good for. */
+  const double widest = 0.1, most_ratio = 100.0;
+  const bool is_parallel = view->is_parallel;
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, reach = 0.0;
+  double smallest_near = INFINITY;
+  int64_t near_count = 0;
+  const int threads = fum_thread_count(context);
+#pragma omp parallel for num_threads(threads) reduction(+ : near_count) reduction(min                                  \
+                                                        : nearest, smallest, smallest_near) reduction(max : farthest, largest, wide, reach)
+  for (int64_t i = 0; i < fum_medium_casters(medium)->count; i++) {
+    const double sigma = (double)view->sigmas[i], sigma_m = sigma_of(medium, i);
+    if (!(sigma > 0.0)) continue;
+    const double distance = is_parallel ? 1.0 : sigma_m / sigma;
+    if (!is_parallel && (sigma > widest || most_ratio * distance < outermost)) {
+      near_count++;
+      smallest_near = sigma < smallest_near ? sigma : smallest_near;
+      reach = distance + NEAR_REACH * sigma_m > reach ? distance + NEAR_REACH * sigma_m : reach;
+      view->sigmas[i] = 0.0F;
+      continue;
+    }
     nearest = distance < nearest ? distance : nearest;
     farthest = distance > farthest ? distance : farthest;
     smallest = sigma < smallest ? sigma : smallest;
     largest = sigma > largest ? sigma : largest;
     wide = sigma_m > wide ? sigma_m : wide;
   }
+  view->vicinity = (fum_sweep_vicinity){near_count, reach, smallest_near};
+  view->nearest = nearest;
+  view->farthest = farthest;
+  view->reference = sqrt(nearest * farthest);
+  view->smallest = (float)smallest;
+  view->largest = (float)largest;
+  view->reach_m = wide;
+}
+
+/* How casters, all within `radius`, are seen. False if none is but in the light's vicinity. */
+static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  double mass = 0.0;
+  part(context, medium, find_sigmas(context, medium, view), view);
   /* A sum over threads' shares would differ with their number. */
   for (int64_t i = 0; i < casters->count; i++) {
     const double sigma = 1.0 / (double)casters->inverse_sigmas[i];
@@ -78,13 +118,8 @@ static bool measure(fum_context *context, const fum_medium *medium, double radiu
   }
   const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
   view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
-  view->reach_m = wide * (double)view->reach;
-  view->nearest = nearest;
-  view->farthest = farthest;
-  view->reference = sqrt(nearest * farthest);
-  view->smallest = (float)smallest;
-  view->largest = (float)largest;
-  return is_parallel || (largest <= widest && farthest <= 100.0 * nearest);
+  view->reach_m *= (double)view->reach;
+  return view->farthest > 0.0;
 }
 
 /* Around the light where it is near, else before it: a window around the cone of the casters. Receivers beyond are in
@@ -126,8 +161,7 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
       view.to_middle[k] = middle[k] - light[k];
     const double distance = sqrt(dot(view.to_middle, view.to_middle));
     view.is_parallel = distance > far_away * radius;
-    if (!(distance > 0.0)) return FUM_OK;
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3 && distance > 0.0; k++)
       axis[k] = view.to_middle[k] / distance;
   }
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
@@ -144,12 +178,14 @@ void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
 }
 
 bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *out_count) {
+  /* A patch is small against the sphere too, so that its cells are alike; and there are enough for many threads. But
+   * casters reach into more of small ones. */
+  const double widest = view->face_count > 1 ? 0.7 : fmin(0.5, fmax(0.25, 32.0 * (double)level->cell));
   int64_t count = 0;
   for (int f = 0; f < view->face_count; f++) {
     fum_sweep_face *face = &view->faces[f];
-    const double cells = (double)(face->upper[0] - face->lower[0]) / (double)level->cell;
-    /* A patch is small against the sphere too, so that its cells are alike. */
-    const double least = view->is_parallel ? 1.0 : ceil((double)(face->upper[0] - face->lower[0]) / 0.25);
+    const double side = (double)(face->upper[0] - face->lower[0]), cells = side / (double)level->cell;
+    const double least = view->is_parallel ? 1.0 : ceil(side / widest);
     const double patches = fmax(least, ceil(cells / PATCH_CELLS));
     if (!(patches <= MOST_PATCHES)) return false;
     face->columns = face->rows = (int32_t)patches;
@@ -162,7 +198,7 @@ bool fum_sweep_lay(const fum_sweep_level *level, fum_sweep_view *view, int64_t *
 
 /* Patches of a face that a ball is seen in; none where an end is not behind its begin. */
 typedef struct span {
-  uint16_t begin[2], end[2];
+  uint8_t begin[2], end[2];
 } span;
 
 static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, const fum_octree *points, int64_t i) {
@@ -171,25 +207,35 @@ static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, cons
                     fum_dot(q, face->axis) + face->offset[2]};
 }
 
+/* Window of a ball, in the plane of one of the face's sides and its axis: the tangents of its outlines, INFINITY where
+ * it reaches past the light. False if it is behind the light. */
+static bool find_window(float lateral, float axial, float radius, float *low, float *high) {
+  const float squared = lateral * lateral + axial * axial - radius * radius;
+  *low = -INFINITY;
+  *high = INFINITY;
+  if (!(squared > 0.0F)) return true;
+  const float s = sqrtf(squared), before = axial * s + lateral * radius, behind = axial * s - lateral * radius;
+  if (lateral > 0.0F ? before <= 0.0F : lateral < 0.0F && behind <= 0.0F) return false;
+  if (before > 0.0F) *low = (lateral * s - axial * radius) / before;
+  if (behind > 0.0F) *high = (lateral * s + axial * radius) / behind;
+  return true;
+}
+
 static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, float radius) {
-  const float lateral[2] = {p.x, p.y}, near = 1.0F / (p.z - radius), far = 1.0F / (p.z + radius);
+  const float lateral[2] = {p.x, p.y};
   const int32_t counts[2] = {face->columns, face->rows};
   const span none = {{0, 0}, {0, 0}};
-  const bool is_beside = !is_parallel && p.z <= 1.01F * radius;
   span s = none;
   if (!is_parallel && p.z + radius <= 0.0F) return none;
   for (int axis = 0; axis < 2; axis++) {
     float low = lateral[axis] - radius, high = lateral[axis] + radius;
-    if (!is_parallel) {
-      low = low > 0.0F ? low * far : is_beside ? -INFINITY : low * near;
-      high = high < 0.0F ? high * far : is_beside ? INFINITY : high * near;
-    }
+    if (!is_parallel && !find_window(lateral[axis], p.z, radius, &low, &high)) return none;
     if (!(high >= face->lower[axis] && low <= face->upper[axis])) return none;
     const float per_unit = (float)counts[axis] / (face->upper[axis] - face->lower[axis]);
     const float first = (low - face->lower[axis]) * per_unit, last = (high - face->lower[axis]) * per_unit;
     const float most = (float)(counts[axis] - 1);
-    s.begin[axis] = (uint16_t)(first > 0.0F ? first < most ? first : most : 0.0F);
-    s.end[axis] = (uint16_t)((int32_t)(last < most ? last : most) + 1);
+    s.begin[axis] = (uint8_t)(first > 0.0F ? first < most ? first : most : 0.0F);
+    s.end[axis] = (uint8_t)((int32_t)(last < most ? last : most) + 1);
   }
   return s;
 }
@@ -203,45 +249,90 @@ typedef struct sorting {
   float sigma_scale;
 } sorting;
 
-static void find_caster_spans(const sorting *s, int64_t i, span *out) {
+/* A point as seen from the light, along the axes of the world. */
+static fum_vec3 see_plainly(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
+  const double *o = view->to_middle;
+  return (fum_vec3){points->x[i] - view->middle.x + (float)o[0], points->y[i] - view->middle.y + (float)o[1],
+                    points->z[i] - view->middle.z + (float)o[2]};
+}
+
+/* Is a ball clearly outside of the pyramid over a side of the cube? They look along x, against x, along y and so on. */
+static bool is_outside(fum_vec3 p, int side, float radius) {
+  const float at[3] = {p.x, p.y, p.z};
+  const int axis = side / 2;
+  const float lateral = fum_max(fabsf(at[(axis + 1) % 3]), fabsf(at[(axis + 2) % 3]));
+  return lateral - 1.01F * (side % 2 == 0 ? at[axis] : -at[axis]) > 1.43F * radius;
+}
+
+/* Where an item is: on a face, or one of these. */
+enum { NOWHERE = -1, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
+
+typedef struct place {
+  int8_t face;
+  span span;
+} place;
+
+/* Lists that are filled: first each patch's items are counted, then they are written down at the places counted. */
+typedef struct filling {
+  int64_t *cursors; /* [patch_count] */
+  uint32_t *list;   /* NULL: only counted */
+} filling;
+
+static void put(const fum_sweep_face *face, span s, int64_t i, const filling *f) {
+  for (int32_t row = s.begin[1]; row < s.end[1]; row++) {
+    for (int32_t column = s.begin[0]; column < s.end[0]; column++) {
+      const int64_t at = f->cursors[face->first_patch + (int64_t)row * face->columns + column]++;
+      if (f->list != NULL) f->list[at] = (uint32_t)i;
+    }
+  }
+}
+
+static place put_caster(const sorting *s, int64_t i, const filling *f) {
   const fum_sweep_level *level = s->level;
   const float seen = s->view->sigmas[i];
-  for (int n = 0; n < s->view->face_count; n++)
-    out[n] = (span){{0, 0}, {0, 0}};
-  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return;
+  place found = {.face = NOWHERE};
+  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return found;
   const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
   const float radius = sigma * (s->view->reach + 2.1F * level->cell / seen);
+  const fum_vec3 p = see_plainly(s->view, s->casters, i);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
-    out[n] = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
+    if (s->view->face_count > 1 && is_outside(p, n, radius)) continue;
+    const span on_face = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
+    if (on_face.end[0] == 0) continue;
+    put(face, on_face, i, f);
+    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
   }
+  return found;
 }
 
-/* On the face whose axis is nearest to the point. */
-static void find_receiver_spans(const sorting *s, int64_t i, span *out) {
-  int best = 0;
-  fum_vec3 p = see(s->view, &s->view->faces[0], s->points, i);
-  out[0] = (span){{0, 0}, {0, 0}};
-  for (int n = 1; n < s->view->face_count; n++) {
-    const fum_vec3 other = see(s->view, &s->view->faces[n], s->points, i);
-    out[n] = (span){{0, 0}, {0, 0}};
-    if (other.z <= p.z) continue;
-    best = n;
-    p = other;
-  }
-  if (s->is_lit[i]) out[best] = find_span(s->view->is_parallel, &s->view->faces[best], p, 0.0F);
+/* The face whose axis is nearest to the point. */
+static int face_of(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
+  if (view->face_count == 1) return 0;
+  const fum_vec3 p = see_plainly(view, points, i);
+  const float x = fabsf(p.x), y = fabsf(p.y), z = fabsf(p.z);
+  if (x >= y && x >= z) return p.x < 0.0F;
+  return y >= z ? 2 + (p.y < 0.0F) : 4 + (p.z < 0.0F);
 }
 
-/* Calls for every patch of an item: counts it, or writes the item down at the place that was counted. */
-static void put(const fum_sweep_view *view, const span *spans, int64_t i, int64_t *cursors, uint32_t *out) {
-  for (int n = 0; n < view->face_count; n++) {
-    const fum_sweep_face *face = &view->faces[n];
-    for (int32_t row = spans[n].begin[1]; row < spans[n].end[1]; row++) {
-      for (int32_t column = spans[n].begin[0]; column < spans[n].end[0]; column++) {
-        const int64_t at = cursors[face->first_patch + (int64_t)row * face->columns + column]++;
-        if (out != NULL) out[at] = (uint32_t)i;
-      }
-    }
+static place put_receiver(const sorting *s, int64_t i, const filling *f) {
+  const place nowhere = {.face = NOWHERE};
+  if (!s->is_lit[i]) return nowhere;
+  const int n = face_of(s->view, s->points, i);
+  const fum_sweep_face *face = &s->view->faces[n];
+  const fum_vec3 p = see(s->view, face, s->points, i);
+  if (!s->view->is_parallel && fum_length(p) < (float)s->level->begin) return nowhere;
+  const place found = {(int8_t)n, find_span(s->view->is_parallel, face, p, 0.0F)};
+  put(face, found.span, i, f);
+  return found;
+}
+
+/* What is on several faces is looked for again, instead of being remembered. */
+static void put_again(const sorting *s, place at, int64_t i, const filling *f) {
+  if (at.face == ON_SEVERAL_FACES) {
+    (void)put_caster(s, i, f);
+  } else if (at.face != NOWHERE) {
+    put(&s->view->faces[at.face], at.span, i, f);
   }
 }
 
@@ -251,19 +342,18 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
                     uint32_t **out_list) {
   const char *what = "patches of a light";
   const int64_t count = is_casters ? s->casters->count : s->points->count;
-  const int faces = s->view->face_count, blocks = fum_thread_count(context);
+  const int blocks = fum_thread_count(context);
   int64_t *cursors = NULL, total = 0;
-  span *spans = NULL;
+  place *places = NULL;
   int32_t status = fum_alloc(context, blocks * patch_count, sizeof *cursors, what, &cursors);
-  if (status == FUM_OK) status = fum_alloc(context, count * faces, sizeof *spans, what, &spans);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *places, what, &places);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
+    const filling f = {cursors + block * patch_count, NULL};
     const int64_t end = count * (block + 1) / blocks;
-    for (int64_t i = count * block / blocks; i < end; i++) {
-      (is_casters ? find_caster_spans : find_receiver_spans)(s, i, spans + i * faces);
-      put(s->view, spans + i * faces, i, cursors + block * patch_count, NULL);
-    }
+    for (int64_t i = count * block / blocks; i < end; i++)
+      places[i] = is_casters ? put_caster(s, i, &f) : put_receiver(s, i, &f);
   }
   for (int64_t patch = 0; patch < patch_count; patch++) {
     begins[patch] = total;
@@ -278,12 +368,13 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
+    const filling f = {cursors + block * patch_count, *out_list};
     const int64_t end = count * (block + 1) / blocks;
     for (int64_t i = count * block / blocks; i < end; i++)
-      put(s->view, spans + i * faces, i, cursors + block * patch_count, *out_list);
+      put_again(s, places[i], i, &f);
   }
 done:
-  fum_free(context, &spans);
+  fum_free(context, &places);
   fum_free(context, &cursors);
   return status;
 }

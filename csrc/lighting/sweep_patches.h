@@ -20,18 +20,26 @@ typedef struct fum_sweep_face {
 
 enum { FUM_SWEEP_FACES = 6 };
 
+/* Casters near a light, too large as seen from it for a footprint, or too near for ranges. */
+typedef struct fum_sweep_vicinity {
+  int64_t count;
+  double reach;    /* m from the light, beyond which all of them are in front of a receiver */
+  double smallest; /* sigma over distance */
+} fum_sweep_vicinity;
+
 /* How a light sees casters and receivers: as points relative to `middle`. */
 typedef struct fum_sweep_view {
   bool is_parallel;
-  fum_vec3 middle;          /* of the casters, local space */
-  double to_middle[3];      /* from the light */
-  double nearest, farthest; /* of the casters' centres, from the light */
-  double reference;         /* distance d at which ranges are 0. They grow with the logarithm of the distance:
-                               2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
-  float reach;              /* sigmas across the rays over which casters are put into a grid */
-  double reach_m;           /* that of the largest caster */
-  float smallest, largest;  /* of... */
-  float *sigmas;            /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
+  fum_vec3 middle;             /* of the casters, local space */
+  double to_middle[3];         /* from the light */
+  double nearest, farthest;    /* of the casters' centres, from the light, but those in its vicinity */
+  double reference;            /* distance d at which ranges are 0. They grow with the logarithm of the distance:
+                                  2 (x + x^3 / 3 + x^5 / 5 + x^7 / 7) of x = (d - reference) / (d + reference) */
+  float reach;                 /* sigmas across the rays over which casters are put into a grid */
+  double reach_m;              /* that of the largest caster */
+  float smallest, largest;     /* of... */
+  float *sigmas;               /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
+  fum_sweep_vicinity vicinity; /* of the light: those casters aren't to be seen either */
   int32_t face_count;
   fum_sweep_face faces[FUM_SWEEP_FACES];
 } fum_sweep_view;
@@ -42,6 +50,7 @@ typedef struct fum_sweep_level {
   float cell;              /* between grid lines, in the same unit */
   float slab;              /* between faces, in ranges */
   float first;             /* range of face 0 */
+  double begin;            /* m from a light that isn't parallel: receivers nearer than this see none of the casters */
   int32_t slab_count;
 } fum_sweep_level;
 
@@ -58,7 +67,7 @@ static const float FUM_SWEEP_SPREAD = 3.3F;
 static const float FUM_SWEEP_MARGIN = 3.0F;
 
 /* Places the light and finds out how the casters are seen. `*out_is_clear` is false, and there may be nothing to free,
- * where some caster is so large or near that its shadow isn't a footprint, or there is none. */
+ * where there are none but those in the light's vicinity. */
 int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
                             fum_sweep_view *out_view, bool *out_is_clear);
 void fum_sweep_view_free(fum_context *context, fum_sweep_view *view);

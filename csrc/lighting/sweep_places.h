@@ -50,7 +50,7 @@ static void find_footprints(const patch *p, const uint32_t *indices, int32_t cou
   const bool is_parallel = p->job->view->is_parallel;
   const places at = find_places(p, casters, indices);
   const fum_vf sigma = p->job->sigma_scale / gather(casters->inverse_sigmas, indices), variance = sigma * sigma;
-  const fum_vf one = fum_vf_set(1.0F);
+  const fum_vf one = fum_vf_set(1.0F), nowhere = fum_vf_set(-8.0F);
   const fum_vf squared = is_parallel ? one : 1.0F / (1.0F + at.u * at.u + at.v * at.v);
   /* How far apart grid lines are there, in m, squared and averaged over directions. */
   const fum_vf step = cell * at.depth, spread = step * step * 0.5F * (1.0F + squared) * SPLINE_VARIANCE;
@@ -61,15 +61,18 @@ static void find_footprints(const patch *p, const uint32_t *indices, int32_t cou
   /* Rays that pass at a distance d come nearest to the centre d^2 / (2 distance) before it. */
   const fum_vf bend = variance * at.slabs_per_metre * fum_vf_sqrt(squared) / at.depth;
   const fum_vf optical_depth = gather(casters->optical_depths, indices) * p->job->depth_scale * variance * per_narrow;
-  const fum_vf range = is_parallel ? at.range : at.range - bend, reach = FUM_SWEEP_SPREAD * narrow_along;
-  const fum_vf values[] = {(at.u - p->lower[0]) / cell,
-                           (at.v - p->lower[1]) / cell,
+  const fum_vf reach = FUM_SWEEP_SPREAD * narrow_along;
+  /* A caster far beside the patch has no place on its plane, nor anything to give to it. */
+  const fum_vi is_before = (at.depth > 0.0F) & (squared > 0.06F);
+  const fum_vf range = is_parallel ? at.range : fum_vf_select(is_before, at.range - bend, at.range);
+  const fum_vf values[] = {fum_vf_select(is_before, (at.u - p->lower[0]) / cell, nowhere),
+                           fum_vf_select(is_before, (at.v - p->lower[1]) / cell, nowhere),
                            at.u,
                            at.v,
                            squared,
                            0.72134752F * at.depth * at.depth * per_narrow,
                            optical_depth,
-                           p->job->view->reach * fum_vf_sqrt(narrow / squared) / step,
+                           fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(narrow / squared) / step, one),
                            range,
                            1.0F / narrow_along,
                            fum_vf_at_least(range - reach, 0.0F),

@@ -201,6 +201,10 @@ static void bound_nodes(fum_context *context, fum_octree *octree) {
   }
 }
 
+void fum_octree_bound(fum_context *context, fum_octree *octree) {
+  bound_nodes(context, octree);
+}
+
 /* Sorts the points and builds the nodes; leaves the order in octree->indices as positions within `points`. */
 static int32_t build(fum_context *context, const unsorted *points, int32_t leaf_size, fum_octree *octree) {
   uint64_t *codes = NULL;

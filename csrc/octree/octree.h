@@ -45,4 +45,7 @@ int32_t fum_octree_create(fum_context *context, const double origin[3], int64_t 
                           fum_octree **out_octree);
 void fum_octree_destroy(fum_context *context, fum_octree *octree);
 
+/* Finds the boxes of nodes whose particles and children are known. */
+void fum_octree_bound(fum_context *context, fum_octree *octree);
+
 #endif

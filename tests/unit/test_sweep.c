@@ -66,7 +66,7 @@ static bool solve(setup *t, const fum_emitter *emitter) {
   uint8_t is_lit[POINTS];
   bool is_solved = false;
   memset(is_lit, 1, sizeof is_lit);
-  const fum_sweep_task task = {&t->medium, &t->receivers, emitter, is_lit, FUM_SWEEP_MOST_LEVELS};
+  const fum_sweep_task task = {&t->medium, &t->receivers, emitter, is_lit, INFINITY};
   assert_int_equal(fum_sweep_solve(t->s.context, &task, (float[2]){0.0F, 1.0F}, t->depths, &is_solved), FUM_OK);
   return is_solved;
 }
@@ -152,14 +152,12 @@ static void test_unlike_radii(void **state) {
   close_setup(t);
 }
 
-/* A light within the cloud, or right beside it, isn't for a sweep; nor is no smoke. */
+/* Few particles are all near a light among them; and there may be no smoke. */
 static void test_refuses_what_it_cannot_do(void **state) {
   (void)state;
   setup *t = open_setup(cloud(2000, 4));
   const fum_emitter inside = point_light(t, (double[3]){0.1, 0.2, 0.3});
-  const fum_emitter beside = point_light(t, (double[3]){1.2, 0, 0});
   assert_false(solve(t, &inside));
-  assert_false(solve(t, &beside));
   close_setup(t);
   t = open_setup((puffs){.count = 0});
   const fum_emitter light = point_light(t, (double[3]){5, 0, 0});
@@ -210,7 +208,7 @@ static void test_only_lit_receivers(void **state) {
     is_lit[n] = n % 3 == 0;
     t->depths[n] = -1.0F;
   }
-  const fum_sweep_task task = {&t->medium, &t->receivers, &light, is_lit, FUM_SWEEP_MOST_LEVELS};
+  const fum_sweep_task task = {&t->medium, &t->receivers, &light, is_lit, INFINITY};
   assert_int_equal(fum_sweep_solve(t->s.context, &task, (float[2]){0.0F, 1.0F}, t->depths, &is_solved), FUM_OK);
   assert_true(is_solved);
   for (int n = 0; n < POINTS; n++)
