@@ -123,13 +123,13 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
                           float *out_visible) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
-  const bool needs_rays = g->solids != NULL && out_visible != NULL;
+  const bool needs_rays = g->solids != NULL && out_visible != NULL, needs_sums = needs_rays || lamp->sample_count > 1;
   sums s = {0};
   uint8_t *is_lit = NULL;
-  int32_t status = fum_alloc(context, count, sizeof *s.sent, "lighting", &s.sent);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *s.arriving, "lighting", &s.arriving);
+  int32_t status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
+  if (status == FUM_OK && needs_sums) status = fum_alloc(context, count, sizeof *s.sent, "lighting", &s.sent);
+  if (status == FUM_OK && needs_sums) status = fum_alloc(context, count, sizeof *s.arriving, "lighting", &s.arriving);
   if (status == FUM_OK && needs_rays) status = fum_alloc(context, count, sizeof *s.unblocked, "lighting", &s.unblocked);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
   if (status != FUM_OK) goto done;
   memset(is_lit, 1, (size_t)count * sizeof *is_lit);
   for (int32_t sample = 0; sample < lamp->sample_count; sample++) {
@@ -139,7 +139,7 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     status = fum_solver_solve(context, g->solver, g->medium, g->receivers, &emitter, is_lit,
                               (float[2]){from, from + step}, out_depths);
     if (status != FUM_OK) goto done;
-    add_sample(g, lamp, &emitter, out_depths, &s);
+    if (needs_sums) add_sample(g, lamp, &emitter, out_depths, &s);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");
     if (status != FUM_OK) goto done;
   }

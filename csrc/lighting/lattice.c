@@ -74,16 +74,30 @@ int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const 
   return status;
 }
 
+/* The face of a sample: the last one that begins at it or before and has any. */
+static int32_t face_of(const fum_lattice *lattice, uint32_t sample) {
+  int32_t low = 0, high = lattice->face_count - 1;
+  while (low < high) {
+    const int32_t middle = (low + high + 1) / 2;
+    if (lattice->faces[middle].first <= sample) {
+      low = middle;
+    } else {
+      high = middle - 1;
+    }
+  }
+  return low;
+}
+
 /* Where the samples are, [3 lit_count]. */
-static void place_samples(const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice, float *positions) {
-  int32_t f = 0;
+static void place_samples(fum_context *context, const fum_view *view, const fum_slabs *slabs,
+                          const fum_lattice *lattice, float *positions) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t n = 0; n < lattice->lit_count; n++) {
-    while (f + 1 < lattice->face_count && lattice->samples[n] >= lattice->faces[f + 1].first)
-      f++;
+    const int32_t f = face_of(lattice, lattice->samples[n]);
     const fum_lattice_face *grid = &lattice->faces[f];
-    const int64_t i = lattice->samples[n] - grid->first;
-    const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
-    const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
+    const uint32_t i = lattice->samples[n] - (uint32_t)grid->first, columns = (uint32_t)grid->columns;
+    const float u = grid->origin[0] + grid->spacing[0] * (float)(i % columns);
+    const float v = grid->origin[1] + grid->spacing[1] * (float)(i / columns);
     double local[3];
     fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
     for (int axis = 0; axis < 3; axis++)
@@ -109,11 +123,12 @@ static int32_t light_points(const fum_gathering *g, const fum_octree *points, co
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
     const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < points->count; i++) {
       const int64_t at = base_index + lattice->samples[points->indices[i]];
       const fum_vec3 point = {points->x[i], points->y[i], points->z[i]};
       const float distance = is_per_metre ? fum_length(fum_sub(lamps[l].position, point)) : 1.0F;
-      lattice->depths[at] = fminf(depths[i], OPAQUE) / fmaxf(distance, 1e-20F);
+      lattice->depths[at] = fum_min(depths[i], OPAQUE) / fum_max(distance, 1e-20F);
       if (visible != NULL) lattice->visible[at] = visible[i];
     }
   }
@@ -125,7 +140,9 @@ static int32_t light_points(const fum_gathering *g, const fum_octree *points, co
 static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
   const int64_t values = lattice->sample_count * lattice->light_count;
   int32_t status = fum_alloc(g->context, values, sizeof *lattice->depths, "lattice of light", &lattice->depths);
-  for (int64_t i = 0; i < values && status == FUM_OK; i++)
+  if (status != FUM_OK) return status;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < values; i++)
     lattice->depths[i] = NAN;
   if (status == FUM_OK && g->solids != NULL)
     status = fum_alloc(g->context, values, sizeof *lattice->visible, "lattice of light", &lattice->visible);
@@ -145,7 +162,7 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
   if (status == FUM_OK)
     status = fum_alloc(context, lattice->lit_count, 3 * sizeof *positions, "lattice of light", &positions);
   if (status != FUM_OK) goto done;
-  place_samples(view, slabs, lattice, positions);
+  place_samples(context, view, slabs, lattice, positions);
   status = fum_octree_build_points(context, origin, lattice->lit_count, positions, FUM_GROUP_SIZE, &points);
   fum_free(context, &positions);
   if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);

@@ -130,7 +130,7 @@ static uint32_t merge_range(const merging *m, const uint32_t *particles, uint32_
 
 /* Could two neighbours of the leaf be as close as this many sigmas? If not, nothing there is merged. */
 static bool is_close(const merging *m, const fum_octree_node *leaf) {
-  const double sigmas = 1.2;
+  const double sigmas = 0.7;
   double longest = 0.0;
   float least_inverse = INFINITY;
   for (int axis = 0; axis < 3; axis++)
