@@ -197,13 +197,57 @@ static void mark_neighbours(const fum_mark_task *task, int64_t begin, int64_t en
   }
 }
 
+/* A leaf's box of centres as a group, without a look at each of them. */
+static group find_leaf_group(const fum_mark_task *task, const fum_octree_node *leaf) {
+  const fum_octree *octree = task->octree;
+  const bool is_perspective = task->view->type == FUM_CAMERA_PERSPECTIVE;
+  group g = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0};
+  float densest = 0.0F, least_inverse = INFINITY;
+  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
+    densest = fum_max(densest, octree->optical_depths[i]);
+    least_inverse = fum_min(least_inverse, octree->inverse_sigmas[i]);
+  }
+  g.reach = fum_footprint((double)task->footprint_sigmas, (double)densest) / (double)least_inverse;
+  for (int corner = 0; corner < 8; corner++) {
+    const double local[3] = {(double)(corner & 1 ? leaf->upper : leaf->lower)[0],
+                             (double)(corner & 2 ? leaf->upper : leaf->lower)[1],
+                             (double)(corner & 4 ? leaf->upper : leaf->lower)[2]};
+    double c[3];
+    fum_transform_point(task->view->camera_from_local, local, c);
+    for (int axis = 0; axis < 3; axis++) {
+      g.lower[axis] = least(g.lower[axis], c[axis]);
+      g.upper[axis] = most(g.upper[axis], c[axis]);
+    }
+    const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
+    g.near = least(g.near, range);
+    g.far = most(g.far, range);
+  }
+  /* Between corners it may come nearer. */
+  double squared = 0.0;
+  for (int axis = 0; axis < 3; axis++)
+    squared += 0.25 * pow((double)leaf->upper[axis] - (double)leaf->lower[axis], 2.0);
+  if (is_perspective) g.near = sqrt(most(g.near * g.near - squared, 0.0));
+  return g;
+}
+
+static void mark_leaf(const fum_mark_task *task, const fum_octree_node *leaf, fum_marks *m) {
+  const uint32_t end = leaf->begin + leaf->count;
+  const group g = find_leaf_group(task, leaf);
+  bunch b;
+  if (find_whole(task, &g, &b)) {
+    mark_bunch(task, &b, m);
+    return;
+  }
+  for (uint32_t begin = leaf->begin; begin < end; begin += BUNCH)
+    mark_neighbours(task, begin, begin + BUNCH < end ? begin + BUNCH : end, m);
+}
+
 int32_t fum_marks_set(fum_context *context, const fum_mark_task *task, fum_marks *m) {
-  const int64_t bunches = (task->octree->count + BUNCH - 1) / BUNCH;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t k = 0; k < bunches; k++) {
-    if (fum_progress_in_loop(context, k, 1 << 9)) continue;
-    const int64_t begin = k * BUNCH, end = begin + BUNCH;
-    mark_neighbours(task, begin, end < task->octree->count ? end : task->octree->count, m);
+  const fum_octree *octree = task->octree;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256)
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    if (fum_progress_in_loop(context, i, 1 << 9) || octree->nodes[i].children != 0) continue;
+    mark_leaf(task, &octree->nodes[i], m);
   }
   return fum_progress_report(context, FUM_STAGE_LIGHTING, 0.0F, "Placing samples of light");
 }
