@@ -14,7 +14,7 @@ from . import compat, core
 from .export.camera import border, export_camera, resolution
 from .export.scene import Scene, build, export_scene
 from .kept import Keeper
-from .passes import enabled
+from .passes import enabled, warnings as pass_warnings
 
 # Where each stage of a render begins and how much of it it is, for the progress bar.
 _STAGES = {
@@ -95,8 +95,9 @@ class FumaroleEngine(bpy.types.RenderEngine):
         self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
     ) -> None:
         """Tells the compositor which passes there will be."""
-        for item in enabled(renderlayer):
-            self.register_pass(scene, renderlayer, item.name, len(item.channels), item.channels, item.kind)
+        for layer_pass in enabled(renderlayer):
+            item = layer_pass.item
+            self.register_pass(scene, renderlayer, layer_pass.name, len(item.channels), item.channels, item.kind)
 
     def _render_view(
         self, depsgraph: bpy.types.Depsgraph, core_scene: core.Scene, scene: Scene, view: str
@@ -107,13 +108,14 @@ class FumaroleEngine(bpy.types.RenderEngine):
         try:
             self.active_view_set(view)
             camera = self._camera(depsgraph, scene)
-            names = [item.name for item in enabled(layer)]
-            result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), names)
-            self._warn([*scene.warnings, *result.warnings])
+            passes = enabled(layer)
+            wanted = [name for item in passes for name in item.wanted(scene.lights)]
+            result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), wanted)
+            self._warn([*scene.warnings, *result.warnings, *pass_warnings(passes, scene.lights)])
             self._tell_statistics(result.stats)
             global _last_stats
             _last_stats = result.stats
-            pixels = {name: result[name] for name in names}
+            pixels = {item.name: item.pixels(result, scene.lights) for item in passes}
             if not depsgraph.scene.render.film_transparent:
                 _put_over(pixels["Combined"], scene.background)
         finally:

@@ -1,17 +1,84 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which of the library's passes a view layer asks for."""
+"""Which of the library's passes a view layer asks for, and what Blender calls them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import bpy
+import numpy as np
 
 from . import core
+from .export.lights import Light
 
 # The view layer's switch of each pass that is optional. Names, channels and kinds are in the library's pass table.
-SWITCHES = {"Depth": "use_pass_z"}
+SWITCHES = {
+    "Depth": "use_pass_z",
+    "Position": "use_pass_position",
+    "Emit": "use_pass_emit",
+    "Shadow": "use_pass_shadow",
+}
+
+# Longest name of a pass in Blender, in bytes.
+_LONGEST_NAME = 63
 
 
-def enabled(view_layer: bpy.types.ViewLayer) -> list[core.Pass]:
-    """The passes to render: Combined, which every view layer has, and those that are switched on."""
+@dataclass(frozen=True)
+class LayerPass:
+    """A pass of a view layer. is_part: of the library's passes of single lights, which are of it; None: of none."""
+
+    name: str
+    item: core.Pass
+    is_part: Callable[[Light], bool] | None = None
+
+    def wanted(self, lights: list[Light]) -> list[core.Wanted]:
+        """What to ask the library for."""
+        if self.is_part is None:
+            return [self.item.name]
+        return [(self.item.name, index) for index, light in enumerate(lights) if self.is_part(light)]
+
+    def pixels(self, result: core.Result, lights: list[Light]) -> np.ndarray:
+        """The pass: of several lights their sum, and of their shadows the first."""
+        parts = [result[name] for name in self.wanted(lights)]
+        if not parts:
+            return np.full((*result["Combined"].shape[:2], 3), float(self.is_shadow), np.float32)
+        return parts[0] if self.is_shadow else sum(parts[1:], parts[0])
+
+    @property
+    def is_shadow(self) -> bool:
+        return self.item.name == "Light Shadow"
+
+
+def enabled(view_layer: bpy.types.ViewLayer) -> list[LayerPass]:
+    """The passes to render: Combined, which every view layer has, and those that are switched on. Light groups have
+    theirs by Cycles' names."""
     switched_on = (name for name, switch in SWITCHES.items() if getattr(view_layer, switch))
-    return [core.PASSES[name] for name in ("Combined", *switched_on)]
+    found = [LayerPass(name, core.PASSES[name]) for name in ("Combined", *switched_on)]
+    names = [owner.name for owner in view_layer.objects if owner.type == "LIGHT" and not owner.hide_render]
+    if view_layer.fumarole.use_pass_lights:
+        found += [_of_light("Light", f"Light {name}", name) for name in names]
+    if view_layer.fumarole.use_pass_light_shadows:
+        found += [_of_light("Light Shadow", f"Shadow {name}", name) for name in names]
+    return found + [_of_group(group.name) for group in view_layer.lightgroups]
+
+
+def warnings(wanted: list[LayerPass], lights: list[Light]) -> list[str]:
+    """What the passes don't show."""
+    return [
+        f"Pass '{item.name}': the light is there {len(item.wanted(lights))} times; the pass is of the first one"
+        for item in wanted
+        if item.is_shadow and len(item.wanted(lights)) > 1
+    ]
+
+
+def _of_light(core_name: str, name: str, light_name: str) -> LayerPass:
+    return LayerPass(_shortened(name), core.PASSES[core_name], lambda light: light.owner == light_name)
+
+
+def _of_group(name: str) -> LayerPass:
+    return LayerPass(_shortened(f"Combined_{name}"), core.PASSES["Light"], lambda light: light.group == name)
+
+
+def _shortened(name: str) -> str:
+    return name.encode()[:_LONGEST_NAME].decode(errors="ignore")

@@ -2,7 +2,7 @@
 """The settings that Fumarole adds to scenes, particle settings and objects."""
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
 
 from . import core
 
@@ -123,7 +123,21 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
         return core.Settings(**{name: getattr(self, name) for name in self.__annotations__})
 
 
+class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
+    """Passes that Blender has no switches for."""
+
+    use_pass_lights: BoolProperty(
+        name="Lights",
+        description="A pass for each light: what the smoke scatters of it. Together with Emit they add up to Combined",
+    )
+    use_pass_light_shadows: BoolProperty(
+        name="Shadows of Lights",
+        description="A pass for each light: the share of it that smoke lets through to the solid in a pixel",
+    )
+
+
 _GROUPS = {
+    bpy.types.ViewLayer: FumaroleViewLayerSettings,
     bpy.types.Scene: FumaroleSceneSettings,
     bpy.types.ParticleSettings: FumaroleParticleSettings,
     bpy.types.Object: FumaroleObjectSettings,

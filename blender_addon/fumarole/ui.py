@@ -128,6 +128,8 @@ class FUMAROLE_PT_passes(FumarolePanel, bpy.types.Panel):
         column = self.column()
         for name, switch in SWITCHES.items():
             column.prop(context.view_layer, switch, text=name)
+        column.prop(context.view_layer.fumarole, "use_pass_lights")
+        column.prop(context.view_layer.fumarole, "use_pass_light_shadows")
 
 
 class FUMAROLE_PT_particles(FumarolePanel, bpy.types.Panel):

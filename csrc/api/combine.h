@@ -15,8 +15,14 @@ typedef struct fum_rendering {
   fum_settings settings;
   fum_view view;
   float *solid_depths; /* [height][width]; NULL: no solid in front of the camera */
-  float *combined;     /* [height][width][4]; NULL: not asked for */
-  float *depth;        /* [height][width]; NULL: not asked for */
+  /* Passes; NULL: not needed. */
+  float *combined;       /* [height][width][4] */
+  float *depth;          /* [height][width] */
+  float *position;       /* [height][width][3], as those below */
+  float *emission;       /* a part of combined */
+  float *shadow;         /* of smoke on solids */
+  float **lights;        /* [light_count] parts of combined */
+  float **light_shadows; /* [light_count] */
   fum_render_stats stats;
 } fum_rendering;
 

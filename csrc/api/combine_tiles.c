@@ -80,11 +80,19 @@ static int32_t light_centres(const plan *p, smoke_light *light, double *out_shar
   return FUM_OK;
 }
 
+/* Light at the particles' centres is added up over lights and with what they emit. */
+static bool is_in_parts(const fum_rendering *r) {
+  for (int32_t l = 0; l < r->scene->light_count; l++) {
+    if (r->lights[l] != NULL) return true;
+  }
+  return r->emission != NULL;
+}
+
 /* Are the particles fewer than the samples that were placed, and light at their centres enough? */
 static bool prefers_centres(const plan *p, const smoke_light *light) {
   const fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
-  return all->count < light->lattice.lit_count &&
+  return !is_in_parts(r) && all->count < light->lattice.lit_count &&
          fum_centres_suffice(r->scene, all, &r->view, &light->slabs, p->lighting->lamps, r->scene->caches->solids,
                              r->settings.tolerance);
 }
@@ -178,7 +186,9 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .solid_shadow_intensity = r->settings.solid_shadow_intensity,
                       .solid_depths = r->solid_depths,
                       .straight = 0.5F * r->settings.tolerance,
-                      .rgba = r->combined};
+                      .rgba = r->combined,
+                      .light_rgb = r->lights,
+                      .emission = r->emission};
   double start_s = fum_now_s();
   int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);

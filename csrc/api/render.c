@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "api/combine.h"
 #include "api/settings.h"
+#include "api/shadow.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
 #include "pass/table.h"
 
+#include <stdio.h>
 #include <string.h>
 
 void fum_render_stats_init(fum_render_stats *stats) {
@@ -15,31 +17,92 @@ static int64_t pixel_count(const fum_rendering *r) {
   return (int64_t)r->view.width * r->view.height;
 }
 
-static int32_t check_passes(fum_context *context, const fum_view *view, int32_t pass_count,
-                            const fum_pass_buffer *passes) {
-  if (pass_count < 1 || passes == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "no pass was asked for");
-  for (int32_t i = 0; i < pass_count; i++) {
-    const fum_pass_info *info = fum_pass_find(passes[i].pass);
-    if (info == NULL) return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)passes[i].pass);
-    const int64_t needed = (int64_t)view->width * view->height * info->channel_count;
-    if (passes[i].pixels == NULL || passes[i].pixels_size != needed) {
-      return fum_fail(context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed",
-                      info->name, (long long)passes[i].pixels_size, (long long)needed);
-    }
+static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted) {
+  const fum_pass_info *info = fum_pass_find(wanted->pass);
+  if (info == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)wanted->pass);
+  const int64_t needed = pixel_count(r) * info->channel_count;
+  if (wanted->pixels == NULL || wanted->pixels_size != needed) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed",
+                    info->name, (long long)wanted->pixels_size, (long long)needed);
+  }
+  const int32_t lights = info->of_light ? r->scene->light_count : 1;
+  if (wanted->light < 0 || wanted->light >= lights) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: light %d is not one of the scene's %d lights", info->name,
+                    (int)wanted->light, (int)r->scene->light_count);
+  }
+  const bool is_part = wanted->pass == FUM_PASS_LIGHT || wanted->pass == FUM_PASS_EMISSION;
+  if (is_part && r->settings.device == FUM_DEVICE_GL) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: OpenGL draws all light at once; use the device tiles",
+                    info->name);
   }
   return FUM_OK;
 }
 
-static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
+static int32_t check_passes(const fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
+  if (pass_count < 1 || passes == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "no pass was asked for");
   int32_t status = FUM_OK;
+  for (int32_t i = 0; i < pass_count && status == FUM_OK; i++)
+    status = check_pass(r, &passes[i]);
+  return status;
+}
+
+/* Where a pass is kept. */
+static float **place_of(fum_rendering *r, int32_t pass, int32_t light) {
+  switch (pass) {
+  case FUM_PASS_COMBINED:
+    return &r->combined;
+  case FUM_PASS_DEPTH:
+    return &r->depth;
+  case FUM_PASS_POSITION:
+    return &r->position;
+  case FUM_PASS_EMISSION:
+    return &r->emission;
+  case FUM_PASS_SHADOW:
+    return &r->shadow;
+  case FUM_PASS_LIGHT:
+    return &r->lights[light];
+  default:
+    return &r->light_shadows[light];
+  }
+}
+
+static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t light) {
+  float **place = place_of(r, pass, light);
+  const fum_pass_info *info = fum_pass_find(pass);
+  if (*place != NULL) return FUM_OK;
+  char what[64];
+  snprintf(what, sizeof what, "pass %s", info->name);
+  return fum_alloc(r->context, pixel_count(r), (size_t)info->channel_count * sizeof(float), what, place);
+}
+
+/* What is asked for, and what that is made from. */
+static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
+  const int32_t lights = r->scene->light_count;
+  int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, "passes of lights", &r->lights);
+  if (status == FUM_OK)
+    status = fum_alloc(r->context, lights, sizeof *r->light_shadows, "passes of lights", &r->light_shadows);
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
-    if (passes[i].pass == FUM_PASS_COMBINED && r->combined == NULL) {
-      status = fum_alloc(r->context, pixel_count(r), 4 * sizeof(float), "pass Combined", &r->combined);
-    } else if (passes[i].pass == FUM_PASS_DEPTH && r->depth == NULL) {
-      status = fum_alloc(r->context, pixel_count(r), sizeof(float), "pass Depth", &r->depth);
-    }
+    const int32_t pass = passes[i].pass;
+    status = allocate_pass(r, pass, passes[i].light);
+    if (status == FUM_OK && (pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION))
+      status = allocate_pass(r, FUM_PASS_COMBINED, 0);
+    if (status == FUM_OK && pass == FUM_PASS_POSITION) status = allocate_pass(r, FUM_PASS_DEPTH, 0);
   }
   return status;
+}
+
+static void free_passes(fum_rendering *r) {
+  for (int32_t l = 0; l < r->scene->light_count; l++) {
+    if (r->lights != NULL) fum_free(r->context, &r->lights[l]);
+    if (r->light_shadows != NULL) fum_free(r->context, &r->light_shadows[l]);
+  }
+  fum_free(r->context, &r->light_shadows);
+  fum_free(r->context, &r->lights);
+  fum_free(r->context, &r->shadow);
+  fum_free(r->context, &r->emission);
+  fum_free(r->context, &r->position);
+  fum_free(r->context, &r->depth);
+  fum_free(r->context, &r->combined);
 }
 
 /* Depth of the nearest solid for every pixel's centre. */
@@ -69,20 +132,49 @@ static int32_t make_combined(fum_rendering *r) {
 }
 
 static int32_t make_depth(fum_rendering *r) {
-  const double start_s = fum_now_s();
   const fum_octree *all = r->scene->caches->all;
   float *reaches = NULL;
   /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
   int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, &reaches);
   if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid_depths, r->depth);
   fum_free(r->context, &reaches);
+  return status;
+}
+
+static void make_position(fum_rendering *r) {
+  const fum_view *view = &r->view;
+#pragma omp parallel for num_threads(fum_thread_count(r->context)) schedule(static)
+  for (int64_t i = 0; i < pixel_count(r); i++) {
+    double start[3], direction[3];
+    const double depth = (double)r->depth[i];
+    fum_view_ray(view, (double)(i % view->width) + 0.5, (double)(i / view->width) + 0.5, start, direction);
+    for (int axis = 0; axis < 3; axis++) {
+      const double place = r->scene->origin[axis] + start[axis] + depth * direction[axis];
+      r->position[3 * i + axis] = depth < view->clip_end ? (float)place : 0.0F;
+    }
+  }
+}
+
+static bool needs_shadow(const fum_rendering *r) {
+  for (int32_t l = 0; l < r->scene->light_count; l++) {
+    if (r->light_shadows[l] != NULL) return true;
+  }
+  return r->shadow != NULL;
+}
+
+/* Passes other than Combined and its parts. */
+static int32_t make_others(fum_rendering *r) {
+  const double start_s = fum_now_s();
+  int32_t status = r->depth != NULL ? make_depth(r) : FUM_OK;
+  if (status == FUM_OK && r->position != NULL) make_position(r);
+  if (status == FUM_OK && needs_shadow(r)) status = fum_shadow_find(r);
   r->stats.passes_s = fum_now_s() - start_s;
   return status;
 }
 
-static void hand_over(const fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
+static void hand_over(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
   for (int32_t i = 0; i < pass_count; i++) {
-    const float *from = passes[i].pass == FUM_PASS_COMBINED ? r->combined : r->depth;
+    const float *from = *place_of(r, passes[i].pass, passes[i].light);
     memcpy(passes[i].pixels, from, (size_t)passes[i].pixels_size * sizeof *from);
   }
 }
@@ -111,7 +203,7 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   }
   int32_t status = fum_settings_check(context, settings, &r.settings);
   if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);
-  if (status == FUM_OK) status = check_passes(context, &r.view, pass_count, passes);
+  if (status == FUM_OK) status = check_passes(&r, pass_count, passes);
   if (status == FUM_OK) status = allocate_passes(&r, pass_count, passes);
   if (status == FUM_OK) status = fum_caches_update(scene, &r.settings);
   if (status != FUM_OK) goto done;
@@ -119,15 +211,14 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   fum_view_place(&r.view, scene->origin);
   status = find_solid_depths(&r);
   if (status == FUM_OK && r.combined != NULL) status = make_combined(&r);
-  if (status == FUM_OK && r.depth != NULL) status = make_depth(&r);
+  if (status == FUM_OK) status = make_others(&r);
   if (status != FUM_OK) goto done;
   hand_over(&r, pass_count, passes);
   fill_stats(&r);
   r.stats.total_s = fum_now_s() - start_s;
   if (out_stats != NULL) *out_stats = r.stats;
 done:
-  fum_free(context, &r.depth);
-  fum_free(context, &r.combined);
+  free_passes(&r);
   fum_free(context, &r.solid_depths);
   return status;
 }

@@ -41,6 +41,8 @@ typedef struct fum_tile_job {
   float straight;            /* sigmas along the view within which bent faces count as flat: a share of the tolerance */
   float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
   float *rgba;               /* [height][width][4] */
+  float *const *light_rgb;   /* [lights] [height][width][3] of rgba, what each light makes; NULL: not asked for */
+  float *emission;           /* [height][width][3] of rgba, what the smoke itself emits; NULL: not asked for */
 } fum_tile_job;
 
 enum { FUM_NO_FACE = INT32_MIN };
@@ -52,11 +54,17 @@ typedef struct fum_tile_held {
   float visible[FUM_TILE_PIXELS]; /* share that solids let through, of the slab */
 } fum_tile_held;
 
+/* Radiance of a tile's pixels. */
+typedef struct fum_tile_rgb {
+  float of[3][FUM_TILE_PIXELS];
+} fum_tile_rgb;
+
 /* Buffers of one thread; zeroed before the first tile. */
 typedef struct fum_tile_scratch {
   float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride) */
   int64_t slabs_size;
   fum_tile_held *held; /* [light] */
+  fum_tile_rgb *parts; /* [light + 1] of each light that is asked for by itself, and of emission */
   bool is_out_of_memory;
 } fum_tile_scratch;
 

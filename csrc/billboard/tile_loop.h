@@ -21,16 +21,17 @@ static fum_vf mean_attenuation(fum_vf x) {
 /* Pixels' sums so far, front to back. */
 typedef struct sums {
   float depth[FUM_TILE_PIXELS]; /* optical depth in front */
-  float rgb[3][FUM_TILE_PIXELS];
+  fum_tile_rgb rgb;             /* of what isn't asked for by itself */
 } sums;
 
 /* One light in one slab: its optical depth runs linearly from face to face, and so does the slab's own, hence
  * the integral of exp(-front - s D) exp(-t0 - s (t1 - t0)) over s is exp(-front - t0) (1 - exp(-D - t1 + t0)) / (D + t1
  * - t0). */
-static void add_light(const tile *t, const float *slab, const fum_slab_light *light, sums *out) {
+static void add_light(const tile *t, const float *slab, const fum_slab_light *light, const float *fronts,
+                      fum_tile_rgb *out) {
   const fum_tile_job *job = t->job;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
-    const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(out->depth + i);
+    const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(fronts + i);
     const fum_vf begin = fum_vf_load(light->begin + i), end = fum_vf_load(light->end + i);
     const fum_vf attenuation = fum_vf_exp2(vf_min(front + begin, fum_vf_set(80.0F)) * -1.44269504F);
     const fum_vf mean = attenuation * mean_attenuation(depth + end - begin);
@@ -39,20 +40,20 @@ static void add_light(const tile *t, const float *slab, const fum_slab_light *li
       for (int c = 0; c < 3; c++) {
         const fum_vf scattering = job->is_uniform ? depth * job->albedo[c]
                                                   : fum_vf_load(slab + (int64_t)(1 + 3 * k + c) * FUM_TILE_PIXELS + i);
-        fum_vf_store(out->rgb[c] + i, fum_vf_load(out->rgb[c] + i) + strength * scattering * light->color[c]);
+        fum_vf_store(out->of[c] + i, fum_vf_load(out->of[c] + i) + strength * scattering * light->color[c]);
       }
     }
   }
 }
 
-static void add_glow(const tile *t, const float *slab, sums *out) {
+static void add_glow(const tile *t, const float *slab, const float *fronts, fum_tile_rgb *out) {
   const float *glow = slab + (int64_t)(1 + 3 * t->job->class_count) * FUM_TILE_PIXELS;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
-    const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(out->depth + i);
+    const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(fronts + i);
     const fum_vf mean = fum_vf_exp2(vf_min(front, fum_vf_set(80.0F)) * -1.44269504F) * mean_attenuation(depth);
     for (int c = 0; c < 3; c++) {
       const fum_vf emitted = fum_vf_load(glow + (int64_t)c * FUM_TILE_PIXELS + i);
-      fum_vf_store(out->rgb[c] + i, fum_vf_load(out->rgb[c] + i) + mean * emitted);
+      fum_vf_store(out->of[c] + i, fum_vf_load(out->of[c] + i) + mean * emitted);
     }
   }
 }
@@ -66,12 +67,25 @@ static bool shows(const float *slab, const sums *s) {
   return false;
 }
 
-static void resolve(const tile *t, const float *slabs, fum_tile_held *held, sums *s) {
+/* Where a light's radiance is added up; that of emission where `light` is the number of lights. */
+static fum_tile_rgb *part_of(const fum_tile_job *job, int32_t light, fum_tile_rgb *parts, sums *s) {
+  const bool is_light = light < job->lattice->light_count;
+  const float *own = is_light ? (job->light_rgb != NULL ? job->light_rgb[light] : NULL) : job->emission;
+  return own != NULL ? &parts[light] : &s->rgb;
+}
+
+static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *scratch, sums *s) {
   const fum_tile_job *job = t->job;
   const fum_light_grid grid = {job, t->columns, t->rows, t->u, t->v, t->inverse_length, t->near, t->far};
   const int64_t stride = slab_stride(t);
   fum_slab_light light;
-  for (int32_t l = 0; l < job->lattice->light_count; l++) {
+  const int32_t lights = job->lattice->light_count;
+  fum_tile_held *held = scratch->held;
+  for (int32_t l = 0; l <= lights; l++) {
+    fum_tile_rgb *part = part_of(job, l, scratch->parts, s);
+    if (part != &s->rgb) *part = (fum_tile_rgb){0};
+  }
+  for (int32_t l = 0; l < lights; l++) {
     for (int k = 0; k < 4; k++)
       held[l].faces[k] = FUM_NO_FACE;
   }
@@ -83,25 +97,45 @@ static void resolve(const tile *t, const float *slabs, fum_tile_held *held, sums
                                   .before = k > 0 ? slab - stride : NULL,
                                   .next = k + 1 < t->slab_count ? slab + stride : NULL,
                                   .front = s->depth};
-    for (int32_t l = 0; l < job->lattice->light_count; l++) {
+    for (int32_t l = 0; l < lights; l++) {
       light_slab(&grid, l, &smoke, &held[l], &light);
-      add_light(t, slab, &light, s);
+      add_light(t, slab, &light, s->depth, part_of(job, l, scratch->parts, s));
     }
-    if (job->glows) add_glow(t, slab, s);
+    if (job->glows) add_glow(t, slab, s->depth, part_of(job, lights, scratch->parts, s));
     for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
       s->depth[i] += slab[i];
   }
 }
 
-static void write_pixels(const tile *t, const sums *s) {
+static void write_part(const tile *t, const fum_tile_rgb *part, float *out, int32_t stride) {
   const fum_view *view = t->job->view;
   for (int32_t y = 0; y < FUM_TILE && t->y0 + y < view->height; y++) {
     for (int32_t x = 0; x < FUM_TILE && t->x0 + x < view->width; x++) {
-      const int32_t pixel = fum_tile_pixel(x, y);
-      float *rgba = t->job->rgba + 4 * ((int64_t)(t->y0 + y) * view->width + t->x0 + x);
+      float *rgb = out + stride * ((int64_t)(t->y0 + y) * view->width + t->x0 + x);
       for (int c = 0; c < 3; c++)
-        rgba[c] = s->rgb[c][pixel];
-      rgba[3] = -expm1f(-s->depth[pixel]);
+        rgb[c] = part->of[c][fum_tile_pixel(x, y)];
+    }
+  }
+}
+
+/* Combined is the sum of its parts. */
+static void write_pixels(const tile *t, const fum_tile_scratch *scratch, sums *s) {
+  const fum_tile_job *job = t->job;
+  const int32_t lights = job->lattice->light_count;
+  for (int32_t l = 0; l <= lights; l++) {
+    const fum_tile_rgb *part = part_of(job, l, scratch->parts, s);
+    if (part == &s->rgb) continue;
+    write_part(t, part, l < lights ? job->light_rgb[l] : job->emission, 3);
+    for (int c = 0; c < 3; c++) {
+      for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
+        s->rgb.of[c][i] += part->of[c][i];
+    }
+  }
+  write_part(t, &s->rgb, job->rgba, 4);
+  for (int32_t y = 0; y < FUM_TILE && t->y0 + y < job->view->height; y++) {
+    for (int32_t x = 0; x < FUM_TILE && t->x0 + x < job->view->width; x++) {
+      const int64_t pixel = (int64_t)(t->y0 + y) * job->view->width + t->x0 + x;
+      job->rgba[4 * pixel + 3] = -expm1f(-s->depth[fum_tile_pixel(x, y)]);
     }
   }
 }
@@ -143,6 +177,6 @@ void FUM_TILE_NAME(const fum_tile_job *job, int64_t index, fum_tile_scratch *scr
   aim(&t);
   add_splats(&t, indices, count, scratch->slabs);
   sums s = {0};
-  resolve(&t, scratch->slabs, scratch->held, &s);
-  write_pixels(&t, &s);
+  resolve(&t, scratch->slabs, scratch, &s);
+  write_pixels(&t, scratch, &s);
 }

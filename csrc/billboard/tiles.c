@@ -96,7 +96,8 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
     fum_tile_scratch scratch = {0};
     const size_t lights = (size_t)(job->lattice->light_count > 0 ? job->lattice->light_count : 1);
     scratch.held = malloc(lights * sizeof *scratch.held);
-    if (scratch.held == NULL) atomic_store(&is_out_of_memory, true);
+    scratch.parts = malloc((lights + 1) * sizeof *scratch.parts);
+    if (scratch.held == NULL || scratch.parts == NULL) atomic_store(&is_out_of_memory, true);
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < tiles; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
@@ -108,6 +109,7 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
       }
     }
     free(scratch.slabs);
+    free(scratch.parts);
     free(scratch.held);
   }
   if (atomic_load(&is_out_of_memory))

@@ -87,7 +87,15 @@ enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1, FUM_SOLVER_SWEEP = 2 };
 enum { FUM_DEVICE_AUTO = 0, FUM_DEVICE_GL = 1, FUM_DEVICE_TILES = 2 };
 
 /** Passes, in the order of the pass table (fum_pass_get). */
-enum { FUM_PASS_COMBINED = 0, FUM_PASS_DEPTH = 1 };
+enum {
+  FUM_PASS_COMBINED = 0,
+  FUM_PASS_DEPTH = 1,
+  FUM_PASS_POSITION = 2,
+  FUM_PASS_EMISSION = 3,
+  FUM_PASS_SHADOW = 4,
+  FUM_PASS_LIGHT = 5,       /**< of one light */
+  FUM_PASS_LIGHT_SHADOW = 6 /**< of one light */
+};
 
 typedef struct fum_context fum_context;
 typedef struct fum_scene fum_scene;
@@ -270,6 +278,7 @@ typedef struct fum_pass_info {
   const char *channels;    /**< a letter a channel: "RGBA", "Z" */
   const char *kind;        /**< "COLOR", "VALUE" or "VECTOR" */
   const char *description; /**< a sentence with units */
+  int32_t of_light;        /**< 1: there is one for every light */
 } fum_pass_info;
 
 /** Pass `index` of the table in `*out_info`; FUM_ERROR_ARGUMENT past its end. */
@@ -278,7 +287,7 @@ FUM_API int32_t fum_pass_get(int32_t index, fum_pass_info *out_info);
 /** A pass asked for and where its pixels go. Only what is asked for is computed. */
 typedef struct fum_pass_buffer {
   int32_t pass;        /**< FUM_PASS_ */
-  int32_t reserved;    /**< 0 */
+  int32_t light;       /**< number of the light, of passes that there are for every light; 0 else */
   float *pixels;       /**< [height][width][channel_count], written only when the render succeeds */
   int64_t pixels_size; /**< number of floats at `pixels`; checked */
 } fum_pass_buffer;

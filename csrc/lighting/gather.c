@@ -54,7 +54,8 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
   }
 }
 
-int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light) {
+int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light,
+                         float *out_clear) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
   float *strengths = NULL, *depths = NULL;
@@ -75,7 +76,9 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < count; i++) {
-      if (is_lit[i]) out_light[i] += strengths[i] * expf(-depths[i]);
+      if (!is_lit[i]) continue;
+      out_light[i] += strengths[i] * expf(-depths[i]);
+      if (out_clear != NULL) out_clear[i] += strengths[i];
     }
   }
   fum_free(context, &is_lit);

@@ -2,11 +2,25 @@
 #include "pass/table.h"
 
 static const fum_pass_info TABLE[] = {
-    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity"},
+    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity", 0},
     {FUM_PASS_DEPTH, 1, "Depth", "Z", "VALUE",
      "Depth along the camera's axis, m, at which half of the light gets through to the camera; of the solid there "
      "where "
-     "the smoke in front is thinner; the end of the clip range where there is neither"},
+     "the smoke in front is thinner; the end of the clip range where there is neither",
+     0},
+    {FUM_PASS_POSITION, 3, "Position", "XYZ", "VECTOR",
+     "Place in the world, m, at the depth of the pass Depth; 0 where there is neither smoke nor solid", 0},
+    {FUM_PASS_EMISSION, 3, "Emit", "RGB", "COLOR",
+     "What smoke emits by itself, as it arrives at the camera, W/(m^2 sr): a part of Combined", 0},
+    {FUM_PASS_SHADOW, 3, "Shadow", "RGB", "COLOR",
+     "Of the light that reaches the solid seen in a pixel, the share that smoke lets through, 0 to 1; 1 where there is "
+     "no solid or no light. Shadows of solids and the angle to the light count with smoke and without",
+     0},
+    {FUM_PASS_LIGHT, 3, "Light", "RGB", "COLOR",
+     "What smoke scatters of one light, as it arrives at the camera, W/(m^2 sr): with those of the other lights and "
+     "Emit it adds up to Combined",
+     1},
+    {FUM_PASS_LIGHT_SHADOW, 3, "Light Shadow", "RGB", "COLOR", "The pass Shadow, of one light alone", 1},
 };
 
 enum { PASS_COUNT = sizeof TABLE / sizeof TABLE[0] };

@@ -171,10 +171,19 @@ bool fum_solids_hide_from_camera(const fum_solids *solids) {
 }
 
 float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far) {
+  fum_vec3 normal;
+  return fum_solids_see(solids, origin, direction, near, far, &normal);
+}
+
+float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far,
+                     fum_vec3 *out_normal) {
   if (!fum_solids_hide_from_camera(solids)) return far;
   struct RTCIntersectContext how;
   rtcInitIntersectContext(&how);
   struct RTCRayHit hit = {.ray = make_ray(origin, direction, near, far), .hit = {.geomID = RTC_INVALID_GEOMETRY_ID}};
   rtcIntersect1(solids->camera, &how, &hit);
+  const fum_vec3 normal = {hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z};
+  const float length = fum_length(normal), side = fum_dot(normal, direction) > 0.0F ? -1.0F : 1.0F;
+  *out_normal = fum_scaled(normal, length > 0.0F ? side / length : 0.0F);
   return hit.ray.tfar;
 }

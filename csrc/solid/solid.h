@@ -27,4 +27,8 @@ bool fum_solids_hide_from_camera(const fum_solids *solids);
 /* Parameter t of the first point origin + t direction on a mesh that the camera sees, within near..far; far if none. */
 float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far);
 
+/* The same, with the unit normal of the triangle there, on the side that the ray comes from; undefined if none. */
+float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far,
+                     fum_vec3 *out_normal);
+
 #endif

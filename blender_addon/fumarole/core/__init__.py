@@ -28,7 +28,7 @@ Names
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
-    PASSES                       mapping of pass names to Pass(name, channels, kind, description)
+    PASSES                       mapping of pass names to Pass(name, channels, kind, description, of_light)
     version(), build_info()
     FumaroleError, Cancelled, ErrorCode
 
@@ -51,7 +51,7 @@ from .errors import Cancelled, ErrorCode, FumaroleError
 from .image import write_exr
 from .passes import Pass, passes as _passes
 from .reference import ReferenceResult, ReferenceStats, render_reference
-from .render import Result, Stats, irradiance, render, transmittance
+from .render import Result, Stats, Wanted, irradiance, render, transmittance
 from .scene import Scene
 from .settings import Settings
 

@@ -34,6 +34,11 @@ FUM_DEVICE_GL = 1
 FUM_DEVICE_TILES = 2
 FUM_PASS_COMBINED = 0
 FUM_PASS_DEPTH = 1
+FUM_PASS_POSITION = 2
+FUM_PASS_EMISSION = 3
+FUM_PASS_SHADOW = 4
+FUM_PASS_LIGHT = 5
+FUM_PASS_LIGHT_SHADOW = 6
 FUM_VISIBLE_TO_SHADOW = 1
 FUM_VISIBLE_TO_CAMERA = 2
 
@@ -145,13 +150,14 @@ class fum_pass_info(ctypes.Structure):
         ("channels", ctypes.c_char_p),
         ("kind", ctypes.c_char_p),
         ("description", ctypes.c_char_p),
+        ("of_light", ctypes.c_int32),
     ]
 
 
 class fum_pass_buffer(ctypes.Structure):
     _fields_ = [
         ("pass", ctypes.c_int32),
-        ("reserved", ctypes.c_int32),
+        ("light", ctypes.c_int32),
         ("pixels", ctypes.POINTER(ctypes.c_float)),
         ("pixels_size", ctypes.c_int64),
     ]

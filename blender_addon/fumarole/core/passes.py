@@ -16,7 +16,7 @@ from ._library import library
 class Pass:
     """A render pass: its name, a letter a channel ("RGBA", "Z"), and what it is.
 
-    kind: "COLOR", "VALUE" or "VECTOR". description: a sentence with units.
+    kind: "COLOR", "VALUE" or "VECTOR". description: a sentence with units. of_light: there is one for every light.
     """
 
     name: str
@@ -24,6 +24,7 @@ class Pass:
     kind: str
     description: str
     number: int
+    of_light: bool
 
 
 @functools.cache
@@ -33,6 +34,6 @@ def passes() -> Mapping[str, Pass]:
     info = _abi.fum_pass_info()
     while library().fum_pass_get(len(table), ctypes.byref(info)) == _abi.FUM_OK:
         name = info.name.decode()
-        number = getattr(info, "pass")
-        table[name] = Pass(name, info.channels.decode(), info.kind.decode(), info.description.decode(), number)
+        texts = (text.decode() for text in (info.channels, info.kind, info.description))
+        table[name] = Pass(name, *texts, getattr(info, "pass"), bool(info.of_light))
     return table

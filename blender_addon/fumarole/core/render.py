@@ -21,6 +21,9 @@ from .settings import SOLVERS, Settings
 
 Pixels = NDArray[np.float32]
 
+Wanted = str | tuple[str, int]
+"""A pass by its name; with the number of a light, where there is one for every light."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Stats:
@@ -75,21 +78,22 @@ class Stats:
         return cls(**values)
 
 
-class Result(Mapping[str, Pixels]):
-    """The rendered passes by name: result["Combined"] is float32 (height, width, channels), first row at the bottom.
+class Result(Mapping[Wanted, Pixels]):
+    """The rendered passes as they were asked for: result["Combined"], result["Light", 0] are float32 (height, width,
+    channels), first row at the bottom.
 
     stats: a Stats. warnings: those of the scene's context until the end of this render.
     """
 
-    def __init__(self, pixels: dict[str, Pixels], stats: Stats, warnings: list[str]) -> None:
+    def __init__(self, pixels: dict[Wanted, Pixels], stats: Stats, warnings: list[str]) -> None:
         self._pixels = pixels
         self.stats = stats
         self.warnings = warnings
 
-    def __getitem__(self, name: str) -> Pixels:
+    def __getitem__(self, name: Wanted) -> Pixels:
         return self._pixels[name]
 
-    def __iter__(self) -> Iterator[str]:
+    def __iter__(self) -> Iterator[Wanted]:
         return iter(self._pixels)
 
     def __len__(self) -> int:
@@ -97,24 +101,28 @@ class Result(Mapping[str, Pixels]):
 
 
 def render(
-    scene: Scene, camera: Camera, settings: Settings | None = None, passes: Sequence[str] = ("Combined", "Depth")
+    scene: Scene, camera: Camera, settings: Settings | None = None, passes: Sequence[Wanted] = ("Combined", "Depth")
 ) -> Result:
-    """Lights and draws `scene` for `camera`. Only the passes asked for are computed; core.PASSES lists them.
+    """Lights and draws `scene` for `camera`. Only the passes asked for are computed; core.PASSES lists them. Those that
+    there are for every light are asked for with its number: ("Light", 2).
 
     Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
     passes one half, else that of the solid there, else the clip end.
     Raises FumaroleError, Cancelled, and whatever the progress callback raised.
     """
-    wanted = [_find_pass(name) for name in dict.fromkeys(passes)]
+    wanted = [(name, *_find_pass(name)) for name in dict.fromkeys(passes)]
     view = camera.struct()
     if not (0 < camera.width <= 65536 and 0 < camera.height <= 65536):
         raise argument_error(f"camera: the picture is {camera.width} x {camera.height} pixels, expected 1..65536")
-    pixels = {item.name: np.empty((camera.height, camera.width, len(item.channels)), np.float32) for item in wanted}
+    pixels = {
+        name: np.empty((camera.height, camera.width, len(item.channels)), np.float32) for name, item, _ in wanted
+    }
     buffers = (_abi.fum_pass_buffer * max(1, len(wanted)))()
-    for buffer, item in zip(buffers, wanted):
+    for buffer, (name, item, light) in zip(buffers, wanted):
         setattr(buffer, "pass", item.number)
-        buffer.pixels = _arrays.pointer(pixels[item.name])
-        buffer.pixels_size = pixels[item.name].size
+        buffer.light = light
+        buffer.pixels = _arrays.pointer(pixels[name])
+        buffer.pixels_size = pixels[name].size
     stats = _abi.fum_render_stats()
     library().fum_render_stats_init(ctypes.byref(stats))
     scene.context.call(
@@ -188,8 +196,14 @@ def _settings(settings: Settings | None) -> Any:
     return None if settings is None else ctypes.byref(settings.struct())
 
 
-def _find_pass(name: str) -> Pass:
+def _find_pass(wanted: Wanted) -> tuple[Pass, int]:
+    """The pass and the number of its light, 0 where there is none."""
+    name, light = (wanted, None) if isinstance(wanted, str) else wanted
     table = pass_table()
     if name not in table:
         raise argument_error(f"there is no pass {name!r}; passes are {', '.join(table)}")
-    return table[name]
+    if table[name].of_light and light is None:
+        raise argument_error(f"pass {name!r} is one of each light: ask for it as ({name!r}, number)")
+    if not table[name].of_light and light is not None:
+        raise argument_error(f"pass {name!r} isn't one of a light: ask for it by its name alone")
+    return table[name], 0 if light is None else _arrays.whole(light, "light")

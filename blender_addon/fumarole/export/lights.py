@@ -17,7 +17,9 @@ from .nodes import NodeReader, Warn
 class Light:
     """One light; the fields follow core.Scene.add_light, `shape` holds those that only its type has."""
 
-    name: str
+    name: str  # for messages
+    owner: str  # name of the object
+    group: str  # of lights, "" if it is in none
     type: str  # POINT, SPOT, SUN, AREA
     matrix: np.ndarray  # (4, 4) float64, world from light
     color: np.ndarray  # (3,) linear RGB, exposure and nodes included
@@ -42,7 +44,8 @@ def export_light(owner: bpy.types.Object, matrix: np.ndarray, warn: Warn) -> Lig
         warn(f"{name} has no size or a scale of 0; it is off")
         return None
     _warn_of_features(owner, lamp, name, warn)
-    return Light(name, lamp.type, matrix, color, lamp.energy, compat.light_is_normalized(lamp), _shape(lamp))
+    group = getattr(owner, "lightgroup", "")
+    return Light(name, owner.name, group, lamp.type, matrix, color, lamp.energy, compat.light_is_normalized(lamp), _shape(lamp))
 
 
 def _shape(lamp: bpy.types.Light) -> dict[str, Any]:

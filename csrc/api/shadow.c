@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "api/shadow.h"
+#include "pass/surfaces.h"
+
+#include <string.h>
+
+/* Light that reaches the solid in each pixel, through smoke and without. Sums over places in the pixel, so that places
+ * count as much as they are lit. */
+typedef struct sums {
+  float *smoky, *clear; /* [pixels][channels]: red, green and blue of all lights, then one of each light asked for */
+  int32_t channels;
+} sums;
+
+static int64_t pixel_count(const fum_rendering *r) {
+  return (int64_t)r->view.width * r->view.height;
+}
+
+static float share_of(const sums *s, int64_t pixel, int32_t channel) {
+  const float clear = s->clear[pixel * s->channels + channel];
+  return clear > 0.0F ? s->smoky[pixel * s->channels + channel] / clear : 1.0F;
+}
+
+/* What a surface makes of light. */
+typedef struct surface {
+  const uint32_t *indices; /* of the receivers in normals */
+  const float *normals;
+} surface;
+
+static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
+  const surface *s = user;
+  const float *n = s->normals + 3 * (int64_t)s->indices[receiver];
+  return fum_max(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
+}
+
+/* Adds one light, by a factor on its colour at each receiver. */
+static void add_light(const fum_rendering *r, int32_t light, const fum_octree *points, const uint32_t *pixels,
+                      const float *smoky, const float *clear, sums *s) {
+  const float *color = r->scene->lights[light].desc.intensity;
+  int32_t own = 3;
+  for (int32_t l = 0; l < light; l++)
+    own += r->light_shadows[l] != NULL;
+  for (int64_t i = 0; i < points->count; i++) {
+    const int64_t at = (int64_t)pixels[points->indices[i]] * s->channels;
+    for (int c = 0; c < 3; c++) {
+      s->smoky[at + c] += color[c] * smoky[i];
+      s->clear[at + c] += color[c] * clear[i];
+    }
+    if (r->light_shadows[light] == NULL) continue;
+    s->smoky[at + own] += smoky[i];
+    s->clear[at + own] += clear[i];
+  }
+}
+
+static int32_t light_surfaces(const fum_rendering *r, const fum_surfaces *surfaces, sums *s) {
+  fum_context *context = r->context;
+  fum_octree *points = NULL;
+  fum_lighting lighting = {0};
+  float *smoky = NULL, *clear = NULL;
+  int32_t status =
+      fum_octree_build_points(context, r->scene->origin, surfaces->count, surfaces->positions, FUM_GROUP_SIZE, &points);
+  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, points, &lighting);
+  if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
+  if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *smoky, "shadows of smoke", &smoky);
+  if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *clear, "shadows of smoke", &clear);
+  if (status != FUM_OK) goto done;
+  const surface user = {points->indices, surfaces->normals};
+  lighting.gathering.response = respond;
+  lighting.gathering.response_user = &user;
+  for (int32_t l = 0; l < r->scene->light_count && status == FUM_OK; l++) {
+    memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);
+    memset(clear, 0, (size_t)surfaces->count * sizeof *clear);
+    const float count = (float)r->scene->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
+    status = fum_gather_light(&lighting.gathering, &lighting.lamps[l], progress, smoky, clear);
+    if (status == FUM_OK) add_light(r, l, points, surfaces->pixels, smoky, clear, s);
+  }
+done:
+  fum_free(context, &clear);
+  fum_free(context, &smoky);
+  fum_lighting_end(context, &lighting);
+  fum_octree_destroy(context, points);
+  return status;
+}
+
+static int32_t add_places(const fum_rendering *r, int64_t count, const uint32_t *pixels, int32_t side, sums *s) {
+  fum_surfaces surfaces = {0};
+  int32_t status = fum_surfaces_find(r->context, r->scene->caches->solids, &r->view, count, pixels, side, &surfaces);
+  if (status == FUM_OK && surfaces.count > 0) status = light_surfaces(r, &surfaces, s);
+  fum_surfaces_free(r->context, &surfaces);
+  return status;
+}
+
+/* Does a channel bend so much across a pixel that its centre doesn't stand for it? Slopes even out. */
+static bool is_rough(const fum_rendering *r, const sums *s, int32_t x, int32_t y) {
+  const float smooth = 0.25F * r->settings.tolerance;
+  const int32_t width = r->view.width, height = r->view.height;
+  const int64_t pixel = (int64_t)y * width + x, up = y > 0 && y < height - 1 ? width : 0,
+                across = x > 0 && x < width - 1 ? 1 : 0;
+  for (int32_t c = 0; c < s->channels; c++) {
+    const float here = share_of(s, pixel, c);
+    const float left = share_of(s, pixel - across, c), right = share_of(s, pixel + across, c);
+    const float below = share_of(s, pixel - up, c), above = share_of(s, pixel + up, c);
+    if (fabsf(left - 2.0F * here + right) > smooth || fabsf(below - 2.0F * here + above) > smooth) return true;
+  }
+  return false;
+}
+
+/* Edges of solids and of shadows are looked at anew, in several places a pixel. */
+static int32_t refine(const fum_rendering *r, uint32_t *pixels, sums *s) {
+  const int32_t side = 4;
+  int64_t count = 0;
+  for (int64_t i = 0; i < pixel_count(r); i++) {
+    if (is_rough(r, s, (int32_t)(i % r->view.width), (int32_t)(i / r->view.width))) pixels[count++] = (uint32_t)i;
+  }
+  for (int64_t n = 0; n < count; n++) {
+    for (int32_t c = 0; c < s->channels; c++)
+      s->smoky[(int64_t)pixels[n] * s->channels + c] = s->clear[(int64_t)pixels[n] * s->channels + c] = 0.0F;
+  }
+  return count > 0 ? add_places(r, count, pixels, side, s) : FUM_OK;
+}
+
+static void write_shares(fum_rendering *r, const sums *s) {
+  for (int64_t i = 0; i < pixel_count(r); i++) {
+    int32_t channel = 3;
+    for (int c = 0; c < 3 && r->shadow != NULL; c++)
+      r->shadow[3 * i + c] = share_of(s, i, c);
+    for (int32_t l = 0; l < r->scene->light_count; l++) {
+      if (r->light_shadows[l] == NULL) continue;
+      const float share = share_of(s, i, channel++);
+      for (int c = 0; c < 3; c++)
+        r->light_shadows[l][3 * i + c] = share;
+    }
+  }
+}
+
+int32_t fum_shadow_find(fum_rendering *r) {
+  fum_context *context = r->context;
+  uint32_t *pixels = NULL;
+  sums s = {.channels = 3};
+  for (int32_t l = 0; l < r->scene->light_count; l++)
+    s.channels += r->light_shadows[l] != NULL;
+  int32_t status = fum_alloc(context, pixel_count(r), sizeof *pixels, "shadows of smoke", &pixels);
+  const size_t entry = (size_t)s.channels * sizeof(float);
+  if (status == FUM_OK) status = fum_alloc(context, pixel_count(r), entry, "shadows of smoke", &s.smoky);
+  if (status == FUM_OK) status = fum_alloc(context, pixel_count(r), entry, "shadows of smoke", &s.clear);
+  if (status != FUM_OK) goto done;
+  for (int64_t i = 0; i < pixel_count(r); i++)
+    pixels[i] = (uint32_t)i;
+  if (r->scene->caches->solids != NULL) status = add_places(r, pixel_count(r), pixels, 1, &s);
+  if (status == FUM_OK && r->scene->caches->solids != NULL) status = refine(r, pixels, &s);
+  if (status == FUM_OK) write_shares(r, &s);
+done:
+  fum_free(context, &s.clear);
+  fum_free(context, &s.smoky);
+  fum_free(context, &pixels);
+  return status;
+}
