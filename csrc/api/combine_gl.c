@@ -65,8 +65,7 @@ done:
   return status;
 }
 
-/* Billboards end at their footprint, where tiles fill whole vectors of pixels and hold more than theirs: billboards get
- * the wider one, so that the devices agree. */
+/* Billboards are squares around their footprint, and hold more than tiles would of the same. */
 static fum_frame make_frame(const fum_rendering *r) {
   const fum_view *view = &r->view;
   fum_frame frame = {.type = view->type,

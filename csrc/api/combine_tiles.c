@@ -170,7 +170,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   /* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask
    * for light. Interpolation has them place samples out there anyway. */
   const float footprint = fum_footprint_sigmas(r->settings.tolerance),
-              drawn = fum_footprint_sigmas(0.25F * r->settings.tolerance);
+              drawn = fum_footprint_sigmas(0.0625F * r->settings.tolerance);
   float anisotropies[16];
   fum_lighting lighting = {0};
   fum_meter meter = {0};

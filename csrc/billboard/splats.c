@@ -9,7 +9,7 @@
 static const double MIN_SIGMA_PIXELS = 0.6;
 
 /* Reach along the view over the footprint's sigmas: what lies beyond isn't lost, it is taken to be at the ends. */
-static const double ALONG_SHARE = 0.8;
+static const double ALONG_SHARE = 0.72;
 
 /* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions,
  * so that a disc across the camera's plane needs no division. */
@@ -99,7 +99,8 @@ static fum_splat see(const fum_octree *octree, const fum_view *view, const fum_s
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
   splat.reach = (float)(sigma * fum_footprint(ALONG_SHARE * footprint_sigmas, optical_depth));
-  find_outline(view, fum_footprint(footprint_sigmas, optical_depth) * width, &splat);
+  splat.footprint = (float)fum_footprint(footprint_sigmas, optical_depth);
+  find_outline(view, (double)splat.footprint * width, &splat);
   find_span(slabs, &splat);
   return splat;
 }

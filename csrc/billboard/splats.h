@@ -14,6 +14,7 @@ typedef struct fum_splat {
   float optical_depth;            /* through the centre, lowered when it was widened */
   float reach;                    /* m along the view beyond which it holds nothing that is seen */
   float range;                    /* distance of the centre, in an orthographic view its depth */
+  float footprint;                /* widths out to which it is drawn */
   float self_shade;               /* factor on what it scatters, of particles thinner than a pixel; 1 else */
   float middle_px[2], half_px[2]; /* box around its outline, in pixels from the centre of the first one; halves are 0 if
                                      it isn't seen */

@@ -26,8 +26,7 @@ static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade,
 
 enum { MAX_LOOK = 3 * 16 + 3 };
 
-/* Blocks of the tile that a splat touches, by their first pixels. Whole blocks are drawn, whatever the instruction set:
- * every set must draw the same pixels. */
+/* Blocks of the tile that a splat touches, by their first pixels. */
 typedef struct patch {
   int32_t blocks[FUM_BLOCKS * FUM_BLOCKS];
   int32_t count;
@@ -90,10 +89,20 @@ static void find_shares(const tile *t, const fum_splat *s, float range, bool mov
   }
 }
 
+/* A Gaussian, as its logarithm to the base 2, ended at its footprint: whole blocks are gone through, but what is drawn
+ * must not depend on where their edges are. */
+static fum_vf end_at(fum_vf exponent, float least) {
+  return fum_vf_select(exponent < least, fum_vf_set(-1000.0F), exponent);
+}
+
+static float least_exponent(const fum_splat *s) {
+  return -HALF_LOG2_E * s->footprint * s->footprint;
+}
+
 /* What a far splat's footprint is made of. */
 typedef struct footprint {
   float u, v, depth; /* of the centre: place in the window, distance along the axis */
-  float optical_depth, falloff;
+  float optical_depth, falloff, least;
   bool is_perspective;
 } footprint;
 
@@ -105,6 +114,7 @@ static footprint find_footprint(const tile *t, const fum_splat *s) {
                      .depth = depth,
                      .optical_depth = s->optical_depth,
                      .falloff = -HALF_LOG2_E / (s->width * s->width),
+                     .least = least_exponent(s),
                      .is_perspective = is_perspective};
 }
 
@@ -117,7 +127,7 @@ static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_v
     squared = (squared + e3 * e3) * (inverse_length * inverse_length);
   }
   *out_squared = squared;
-  return f->optical_depth * fum_vf_exp2(squared * f->falloff);
+  return f->optical_depth * fum_vf_exp2(end_at(squared * f->falloff, f->least));
 }
 
 /* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
@@ -162,6 +172,7 @@ static void splat_near(const tile *t, const fum_splat *s, const patch *p, const 
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float *c = s->center, inverse_sigma = 1.0F / s->sigma;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
+  const float least = least_exponent(s);
   const int32_t first = s->first_slab - t->first_slab, last = s->last_slab - t->first_slab;
   for (int32_t n = 0; n < p->count; n++) {
     for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
@@ -174,7 +185,7 @@ static void splat_near(const tile *t, const fum_splat *s, const patch *p, const 
         squared = (a * a + b * b + d * d) * (inverse_length * inverse_length);
         nearest = (c[0] * u + c[1] * v - c[2]) * inverse_length;
       }
-      const fum_vf gauss = s->optical_depth * fum_vf_exp2(vf_max(squared * falloff, fum_vf_set(-1000.0F)));
+      const fum_vf gauss = s->optical_depth * fum_vf_exp2(end_at(squared * falloff, least));
       const fum_vf near = fum_vf_load(t->near + pixel), far = vf_max(near, fum_vf_load(t->far + pixel));
       fum_vf begin = near;
       for (int32_t j = first; j <= last; j++) {

@@ -72,9 +72,9 @@ enum { FUM_CAMERA_PERSPECTIVE = 0, FUM_CAMERA_ORTHOGRAPHIC = 1 };
 
 /**
  * How the optical depth to the lights is computed. Exact sums the closed form of all particles that can be heard from a
- * ray. Sweep adds them to a grid over the light's view, in time that grows with their number alone; lights so near to
- * particles that these aren't small as seen from them are solved exactly all the same. Automatic takes what it predicts
- * to be faster, sweep only for a tolerance of 0.005 or more, and exact where the meter then finds that the tolerance is
+ * ray. Sweep adds them to a grid over the light's view, in time that grows with their number alone, and sums exactly
+ * those that are large as seen from the light; what it can't do is solved exactly. Automatic takes what it predicts to
+ * be faster, sweep only for a tolerance of 0.005 or more, and exact where the meter then finds that the tolerance is
  * missed.
  */
 enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1, FUM_SOLVER_SWEEP = 2 };
@@ -244,7 +244,7 @@ typedef struct fum_settings {
                                      from all the smoke take fewer */
   float tolerance;              /**< relative error that cut-offs may cause in the picture, 1e-4..0.5; default 0.01.
                                      Exactly solved, transmittance to a light is kept within a tenth of it. That particles are lit at
-                                   their              centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
+                                     their centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
   float shadowing_density;      /**< artistic: factor on optical depth towards lights, at least 0; default 1 */
   float solid_shadow_intensity; /**< artistic: share of a light's power that solids block, 0..1; default 1 */
   float subsampling; /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
