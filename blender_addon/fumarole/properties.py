@@ -123,16 +123,23 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
         return core.Settings(**{name: getattr(self, name) for name in self.__annotations__})
 
 
+def _tell_passes(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Has the compositor's nodes show the passes that there are now."""
+    context.view_layer.update_render_passes()
+
+
 class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
     """Passes that Blender has no switches for."""
 
     use_pass_lights: BoolProperty(
         name="Lights",
         description="A pass for each light: what the smoke scatters of it. Together with Emit they add up to Combined",
+        update=_tell_passes,
     )
     use_pass_light_shadows: BoolProperty(
         name="Shadows of Lights",
         description="A pass for each light: the share of it that smoke lets through to the solid in a pixel",
+        update=_tell_passes,
     )
 
 

@@ -95,7 +95,8 @@ def test_panels_draw_every_setting(scene: bpy.types.Scene) -> None:
         drawn += draw(f"FUMAROLE_PT_{panel}")
     settings = [name for name in scene.fumarole.bl_rna.properties.keys() if name not in ("rna_type", "name")]
     assert set(settings) <= set(drawn)
-    assert set(passes.SWITCHES.values()) == set(draw("FUMAROLE_PT_passes"))
+    own = {name for name in bpy.context.view_layer.fumarole.bl_rna.properties.keys() if name.startswith("use_pass")}
+    assert {*passes.SWITCHES.values(), *own} == set(draw("FUMAROLE_PT_passes"))
 
 
 def test_particle_and_object_panels(scene: bpy.types.Scene) -> None:
@@ -130,8 +131,13 @@ def test_panels_are_for_fumarole_only(scene: bpy.types.Scene) -> None:
 
 
 def test_every_pass_of_the_library_is_reachable() -> None:
-    assert set(core.PASSES) == {"Combined", *passes.SWITCHES}
     layer = bpy.context.view_layer
+    scenes.light()
+    layer.update()
+    layer.fumarole.use_pass_lights = layer.fumarole.use_pass_light_shadows = True
+    of_lights = {item.item.name for item in passes.enabled(layer)} - {"Combined"}
+    assert of_lights == {name for name, item in core.PASSES.items() if item.of_light}
+    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *of_lights}
     for name, switch in passes.SWITCHES.items():
         assert name not in [item.name for item in passes.enabled(layer)]
         setattr(layer, switch, True)
