@@ -52,6 +52,7 @@ static const fum_abi_field abi_fields[] = {
     FIELD(fum_light_desc, area_shape),
     FIELD(fum_light_desc, area_size),
     FIELD(fum_light_desc, area_spread),
+    FIELD(fum_light_desc, casts_shadows),
     STRUCT(fum_settings),
     FIELD(fum_settings, struct_size),
     FIELD(fum_settings, solver),

@@ -62,7 +62,8 @@ static double find_self_shade(const fum_tile_job *job, int64_t i) {
     const float lengths = fum_length(to_light) * fum_length(to_camera), *color = lamp->desc.intensity;
     const double strength = (double)(fum_emitter_irradiance(lamp, &sample, at) * (color[0] + color[1] + color[2]));
     const double cosine = lengths > 0.0F ? (double)(fum_dot(to_light, to_camera) / lengths) : 1.0;
-    shaded += strength * fum_dust_shade((double)octree->optical_depths[i], cosine);
+    const double shade = fum_dust_shade((double)octree->optical_depths[i], cosine);
+    shaded += strength * (lamp->desc.casts_shadows != 0 ? shade : 1.0);
     sent += strength;
   }
   return sent > 0.0 ? shaded / sent : 1.0;

@@ -224,6 +224,7 @@ typedef struct fum_light_desc {
   int32_t area_shape;          /**< FUM_AREA_; default rectangle */
   float area_size[2];          /**< area: full width and height along local X and Y, m, scale included; default 1, 1 */
   float area_spread;           /**< area: full angle that light spreads over, above 0 and at most pi; default pi */
+  int32_t casts_shadows;       /**< 0: neither solids nor smoke block it; default 1 */
 } fum_light_desc;
 
 FUM_API void fum_light_desc_init(fum_light_desc *desc);

@@ -46,12 +46,22 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
       strength =
           fum_emitter_irradiance(lamp, emitter, w.point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
-    if (strength > 0.0F && fum_solids_occlude(g->solids, ray_start(g, i, w.point), w.direction, w.length)) {
+    if (strength > 0.0F && lamp->desc.casts_shadows != 0 &&
+        fum_solids_occlude(g->solids, ray_start(g, i, w.point), w.direction, w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }
     out_strengths[i] = strength;
     out_is_lit[i] = strength > 0.0F;
   }
+}
+
+/* Optical depth to a sample of a light. */
+static int32_t find_depths(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter,
+                           const uint8_t *is_lit, const float progress[2], float *depths) {
+  if (lamp->desc.casts_shadows != 0)
+    return fum_solver_solve(g->context, g->solver, g->medium, g->receivers, emitter, is_lit, progress, depths);
+  memset(depths, 0, (size_t)g->receivers->octree->count * sizeof *depths);
+  return FUM_OK;
 }
 
 int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light,
@@ -70,8 +80,7 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     find_strengths(g, lamp, &emitter, strengths, is_lit);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from, "Lighting particles");
     if (status != FUM_OK) break;
-    status = fum_solver_solve(context, g->solver, g->medium, g->receivers, &emitter, is_lit,
-                              (float[2]){from, from + step}, depths);
+    status = find_depths(g, lamp, &emitter, is_lit, (float[2]){from, from + step}, depths);
     if (status != FUM_OK) break;
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
@@ -104,8 +113,9 @@ static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_e
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
-    if (s->unblocked != NULL && !fum_solids_occlude(g->solids, w.point, w.direction, w.length))
-      s->unblocked[i] += arriving;
+    const bool is_blocked =
+        lamp->desc.casts_shadows != 0 && fum_solids_occlude(g->solids, w.point, w.direction, w.length);
+    if (s->unblocked != NULL && !is_blocked) s->unblocked[i] += arriving;
   }
 }
 
@@ -139,8 +149,7 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     const float step = (progress[1] - progress[0]) / (float)lamp->sample_count;
     const float from = progress[0] + step * (float)sample;
     const fum_emitter emitter = fum_lamp_sample(lamp, sample);
-    status = fum_solver_solve(context, g->solver, g->medium, g->receivers, &emitter, is_lit,
-                              (float[2]){from, from + step}, out_depths);
+    status = find_depths(g, lamp, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
     if (status != FUM_OK) goto done;
     if (needs_sums) add_sample(g, lamp, &emitter, out_depths, &s);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");

@@ -191,7 +191,9 @@ static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter
   const int64_t i = (lamp - meter->lamps) * meter->count + n;
   if (!(sent > 0.0)) return;
   meter->sent[i] += sent;
-  meter->exact[i] += sent * exp(-fum_truth_depth(&meter->truth, point->position, sample, meter->dark));
+  const bool casts_shadows = lamp->desc.casts_shadows != 0;
+  const double depth = casts_shadows ? fum_truth_depth(&meter->truth, point->position, sample, meter->dark) : 0.0;
+  meter->exact[i] += sent * exp(-depth);
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
 }
 

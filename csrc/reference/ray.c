@@ -58,7 +58,7 @@ static double find_depth(const fum_ray *ray, double depth, double end) {
 typedef struct scatter_point {
   const fum_ray *ray;
   const double *position;
-  const float *color;
+  const fum_light_desc *light;
   double radiance[3]; /* per metre */
 } scatter_point;
 
@@ -74,14 +74,15 @@ static void add_shine(void *user, const fum_shine *shine) {
   if (fum_is_cancelled(world->context)) return;
   const double *p = s->position, *u = shine->direction;
   const fum_vec3 from = {(float)p[0], (float)p[1], (float)p[2]}, towards = {(float)u[0], (float)u[1], (float)u[2]};
-  if (fum_solids_occlude(world->solids, from, towards, (float)shine->distance)) return;
+  const bool casts_shadows = s->light->casts_shadows != 0;
+  if (casts_shadows && fum_solids_occlude(world->solids, from, towards, (float)shine->distance)) return;
   const fum_way way = {{p[0], p[1], p[2]}, {u[0], u[1], u[2]}, shine->distance};
-  const double arrives = shine->strength * exp(-fum_smoke_depth(world->smoke, &way));
+  const double arrives = shine->strength * (casts_shadows ? exp(-fum_smoke_depth(world->smoke, &way)) : 1.0);
   const double cosine = dot(s->ray->way.direction, u);
   for (int32_t set = 0; set < scene->particles_count; set++) {
     const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
     for (int c = 0; c < 3; c++)
-      s->radiance[c] += factor * (double)s->color[c] * s->ray->scattering[3 * set + c];
+      s->radiance[c] += factor * (double)s->light->intensity[c] * s->ray->scattering[3 * set + c];
   }
 }
 
@@ -92,8 +93,9 @@ static void add_lights(const fum_ray *ray, double t, double radiance[3]) {
     position[axis] = ray->way.start[axis] + t * ray->way.direction[axis];
   for (int32_t i = 0; i < world->lamp_count; i++) {
     const fum_reference_lamp *lamp = &world->lamps[i];
-    scatter_point s = {ray, position, lamp->desc->intensity, {0.0}};
-    if (s.color[0] <= 0.0F && s.color[1] <= 0.0F && s.color[2] <= 0.0F) continue;
+    const float *color = lamp->desc->intensity;
+    scatter_point s = {ray, position, lamp->desc, {0.0}};
+    if (color[0] <= 0.0F && color[1] <= 0.0F && color[2] <= 0.0F) continue;
     fum_reference_lamp_visit(lamp, position, add_shine, &s);
     for (int c = 0; c < 3; c++)
       radiance[c] += s.radiance[c];

@@ -11,7 +11,8 @@ void fum_light_desc_init(fum_light_desc *desc) {
                            .spot_angle = (float)(FUM_PI / 4.0),
                            .spot_blend = 0.15F,
                            .area_size = {1.0F, 1.0F},
-                           .area_spread = (float)FUM_PI};
+                           .area_spread = (float)FUM_PI,
+                           .casts_shadows = 1};
   for (int i = 0; i < 4; i++)
     desc->world_from_light[5 * i] = 1.0;
 }

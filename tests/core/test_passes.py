@@ -215,3 +215,18 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
     first, *others = [core.render(make(lights, threads=n), frame(), passes=wanted) for n in (1, 2, 3)]
     for other in others:
         assert all((first[name] == other[name]).all() for name in wanted)
+
+
+def test_a_light_without_shadows_passes_smoke_and_solids() -> None:
+    """In the smoke, against the reference, and on the floor."""
+    random = np.random.default_rng(2)
+    particles = {"position": random.normal(0, 0.4, (200, 3)) + (0, 0, 0.8), "radius": 0.5, "density": 2.0}
+    light = LIGHTS["point"] | {"casts_shadows": False}
+    scene = make([light, LIGHTS["sun"]], particles)
+    scene.add_mesh([(-9, -9, 3), (9, -9, 3), (9, 9, 3), (-9, 9, 3)], [(0, 1, 2), (0, 2, 3)], visible_to_camera=False)
+    result = core.render(scene, frame(24), passes=["Combined", ("Light", 0), ("Light", 1), ("Light Shadow", 0)])
+    assert (result["Light Shadow", 0] == 1).all()
+    assert result["Light", 1].max() < 0.01 * result["Light", 0].max(), "the sun is behind the ceiling"
+    truth = core.render_reference(scene, frame(24))["Combined"][..., :3]
+    difference = result["Combined"][..., :3] - truth
+    assert np.sqrt((difference**2).mean()) < 0.005 * np.sqrt((truth**2).mean())

@@ -111,6 +111,7 @@ class fum_light_desc(ctypes.Structure):
         ("area_shape", ctypes.c_int32),
         ("area_size", ctypes.c_float * 2),
         ("area_spread", ctypes.c_float),
+        ("casts_shadows", ctypes.c_int32),
     ]
 
 

@@ -153,6 +153,7 @@ class Scene:
         size_y: float = 1.0,
         spread: float = math.pi,
         normalize: bool = True,
+        casts_shadows: bool = True,
         cycles: tuple[int, ...] = (5, 0),
     ) -> int:
         """Adds a light in Blender's units, as bright as Cycles of Blender version `cycles` makes it. Gives its index.
@@ -165,6 +166,7 @@ class Scene:
         shape: AREA: "SQUARE", "RECTANGLE", "DISK" or "ELLIPSE". size: its width or diameter, m; size_y: the height of
             "RECTANGLE" and "ELLIPSE". The matrix's scale multiplies both. At least 0; where one is 0 nothing shines.
         spread: AREA: full angle that it shines over, radians, above 0 and at most pi.
+        casts_shadows: False: neither solids nor smoke block it.
         normalize: False keeps the radiance when the light's size changes (Blender 4.5 on).
         name: for errors.
 
@@ -174,6 +176,7 @@ class Scene:
             raise argument_error(f"type of {name!r} is {type!r}, expected one of {', '.join(LIGHT_TYPES)}")
         description = described(_abi.fum_light_desc, name)
         description.type = LIGHT_TYPES[type]
+        description.casts_shadows = bool(casts_shadows)
         world = _arrays.matrix(matrix, f"matrix of {name!r}")
         watts = _arrays.number(power, f"power of {name!r}") * _arrays.triple(color, f"color of {name!r}")
         if type in ("POINT", "SPOT"):

@@ -25,6 +25,7 @@ class Light:
     color: np.ndarray  # (3,) linear RGB, exposure and nodes included
     power: float  # W, of a sun W/m^2
     normalize: bool
+    casts_shadows: bool
     shape: dict[str, Any]
 
 
@@ -44,8 +45,18 @@ def export_light(owner: bpy.types.Object, matrix: np.ndarray, warn: Warn) -> Lig
         warn(f"{name} has no size or a scale of 0; it is off")
         return None
     _warn_of_features(owner, lamp, name, warn)
-    group = getattr(owner, "lightgroup", "")
-    return Light(name, owner.name, group, lamp.type, matrix, color, lamp.energy, compat.light_is_normalized(lamp), _shape(lamp))
+    return Light(
+        name,
+        owner.name,
+        group=getattr(owner, "lightgroup", ""),
+        type=lamp.type,
+        matrix=matrix,
+        color=color,
+        power=lamp.energy,
+        normalize=compat.light_is_normalized(lamp),
+        casts_shadows=compat.light_casts_shadows(lamp),
+        shape=_shape(lamp),
+    )
 
 
 def _shape(lamp: bpy.types.Light) -> dict[str, Any]:
@@ -86,8 +97,6 @@ def _emission(lamp: bpy.types.Light, name: str, warn: Warn) -> np.ndarray:
 
 
 def _warn_of_features(owner: bpy.types.Object, lamp: bpy.types.Light, name: str, warn: Warn) -> None:
-    if not compat.light_casts_shadows(lamp):
-        warn(f"{name}: switching shadows off isn't supported yet; it casts shadows")
     if compat.light_links(owner):
         warn(f"{name}: light linking isn't supported yet; it lights all smoke and everything blocks it")
     if lamp.type in ("POINT", "SPOT") and compat.light_is_sphere(lamp) and lamp.shadow_soft_size > 0:

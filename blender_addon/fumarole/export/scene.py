@@ -92,6 +92,7 @@ def add_lights(result: core.Scene, scene: Scene) -> None:
             item.color,
             item.name,
             normalize=item.normalize,
+            casts_shadows=item.casts_shadows,
             cycles=compat.LIGHT_UNITS,
             **item.shape,
         )

@@ -197,3 +197,16 @@ def test_unsupported_light_node_is_named(scene: bpy.types.Scene) -> None:
     falloff = data.node_tree.nodes.new("ShaderNodeLightFalloff")
     data.node_tree.links.new(falloff.outputs[0], emission.inputs["Strength"])
     assert named("'Light Falloff'")
+
+
+def test_a_light_without_shadows_is_told_to_the_library(scene: bpy.types.Scene) -> None:
+    lamp = scenes.light("POINT")
+    assert scenes.export().lights[0].casts_shadows
+    data = lamp.data
+    if hasattr(getattr(data, "cycles", None), "cast_shadow"):
+        data.cycles.cast_shadow = False
+    else:
+        data.use_shadow = False
+    exported = scenes.export()
+    assert not exported.lights[0].casts_shadows
+    assert not [text for text in exported.warnings if "shadow" in text]
