@@ -6,6 +6,7 @@
 #include "api/caches.h"
 #include "api/lighting.h"
 #include "lighting/meter.h"
+#include "pass/edges.h"
 #include "scene/view.h"
 
 /* One call of fum_render: what it was asked for and what it has made so far. */
@@ -14,7 +15,7 @@ typedef struct fum_rendering {
   fum_scene *scene;
   fum_settings settings;
   fum_view view;
-  float *solid_depths; /* [height][width]; NULL: no solid in front of the camera */
+  fum_solid_view solid;
   /* Passes; NULL: not needed. */
   float *combined;       /* [height][width][4] */
   float *depth;          /* [height][width] */

@@ -74,7 +74,7 @@ static fum_frame make_frame(const fum_rendering *r) {
                      .clip_start = (float)view->clip_start,
                      .clip_end = (float)view->clip_end,
                      .footprint_sigmas = fum_footprint_sigmas(0.25F * r->settings.tolerance),
-                     .solid_depths = r->solid_depths};
+                     .solid_depths = r->solid.depths};
   for (int i = 0; i < 4; i++)
     frame.window[i] = (float)view->window[i];
   return frame;

@@ -58,7 +58,7 @@ static int32_t read_meter(fum_rendering *r, const fum_meter *meter, double *out_
 static int32_t begin_meter(const plan *p, const smoke_light *light, fum_meter *meter) {
   const fum_rendering *r = p->r;
   const fum_meter_options options = fum_find_meter_options(r, p->lighting);
-  const fum_meter_sight sight = {&r->view, (double)p->footprint, r->solid_depths, &light->slabs,
+  const fum_meter_sight sight = {&r->view, (double)p->footprint, r->solid.depths, &light->slabs,
                                  &light->lattice.hidden};
   return fum_meter_begin_points(r->context, &options, &sight, meter);
 }
@@ -184,7 +184,9 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .lattice = &light.lattice,
                       .solids = r->scene->caches->solids,
                       .solid_shadow_intensity = r->settings.solid_shadow_intensity,
-                      .solid_depths = r->solid_depths,
+                      .solid_depths = r->solid.depths,
+                      .solid_behind = r->solid.behind,
+                      .solid_shares = r->solid.shares,
                       .straight = 0.5F * r->settings.tolerance,
                       .rgba = r->combined,
                       .light_rgb = r->lights,

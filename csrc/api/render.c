@@ -105,28 +105,6 @@ static void free_passes(fum_rendering *r) {
   fum_free(r->context, &r->combined);
 }
 
-/* Depth of the nearest solid for every pixel's centre. */
-static int32_t find_solid_depths(fum_rendering *r) {
-  const fum_solids *solids = r->scene->caches->solids;
-  if (!fum_solids_hide_from_camera(solids)) return FUM_OK;
-  int32_t status = fum_alloc(r->context, pixel_count(r), sizeof(float), "depth of solids", &r->solid_depths);
-  if (status != FUM_OK) return status;
-  const fum_view *view = &r->view;
-#pragma omp parallel for num_threads(fum_thread_count(r->context)) schedule(dynamic, 8)
-  for (int32_t y = 0; y < view->height; y++) {
-    if (fum_progress_in_loop(r->context, y, 8)) continue;
-    for (int32_t x = 0; x < view->width; x++) {
-      double start[3], direction[3];
-      fum_view_ray(view, x + 0.5, y + 0.5, start, direction);
-      const fum_vec3 from = {(float)start[0], (float)start[1], (float)start[2]};
-      const fum_vec3 along = {(float)direction[0], (float)direction[1], (float)direction[2]};
-      r->solid_depths[(int64_t)y * view->width + x] =
-          fum_solids_hit(solids, from, along, (float)view->clip_start, (float)view->clip_end);
-    }
-  }
-  return fum_progress_report(r->context, FUM_STAGE_PASSES, 0.0F, "Finding solids");
-}
-
 static int32_t make_combined(fum_rendering *r) {
   return r->settings.device == FUM_DEVICE_GL ? fum_combine_with_gl(r) : fum_combine_with_tiles(r);
 }
@@ -136,7 +114,7 @@ static int32_t make_depth(fum_rendering *r) {
   float *reaches = NULL;
   /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
   int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, &reaches);
-  if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid_depths, r->depth);
+  if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid.depths, r->depth);
   fum_free(r->context, &reaches);
   return status;
 }
@@ -209,7 +187,7 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   if (status != FUM_OK) goto done;
   r.stats.build_s = scene->caches->build_s;
   fum_view_place(&r.view, scene->origin);
-  status = find_solid_depths(&r);
+  status = fum_solid_view_find(context, scene->caches->solids, &r.view, &r.solid);
   if (status == FUM_OK && r.combined != NULL) status = make_combined(&r);
   if (status == FUM_OK) status = make_others(&r);
   if (status != FUM_OK) goto done;
@@ -219,6 +197,6 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   if (out_stats != NULL) *out_stats = r.stats;
 done:
   free_passes(&r);
-  fum_free(context, &r.solid_depths);
+  fum_solid_view_free(context, &r.solid);
   return status;
 }

@@ -81,9 +81,10 @@ done:
   return status;
 }
 
-static int32_t add_places(const fum_rendering *r, int64_t count, const uint32_t *pixels, int32_t side, sums *s) {
+static int32_t add_places(const fum_rendering *r, int64_t count, const uint32_t *pixels, bool is_middle, sums *s) {
   fum_surfaces surfaces = {0};
-  int32_t status = fum_surfaces_find(r->context, r->scene->caches->solids, &r->view, count, pixels, side, &surfaces);
+  int32_t status =
+      fum_surfaces_find(r->context, r->scene->caches->solids, &r->view, count, pixels, is_middle, &surfaces);
   if (status == FUM_OK && surfaces.count > 0) status = light_surfaces(r, &surfaces, s);
   fum_surfaces_free(r->context, &surfaces);
   return status;
@@ -106,7 +107,6 @@ static bool is_rough(const fum_rendering *r, const sums *s, int32_t x, int32_t y
 
 /* Edges of solids and of shadows are looked at anew, in several places a pixel. */
 static int32_t refine(const fum_rendering *r, uint32_t *pixels, sums *s) {
-  const int32_t side = 4;
   int64_t count = 0;
   for (int64_t i = 0; i < pixel_count(r); i++) {
     if (is_rough(r, s, (int32_t)(i % r->view.width), (int32_t)(i / r->view.width))) pixels[count++] = (uint32_t)i;
@@ -115,7 +115,7 @@ static int32_t refine(const fum_rendering *r, uint32_t *pixels, sums *s) {
     for (int32_t c = 0; c < s->channels; c++)
       s->smoky[(int64_t)pixels[n] * s->channels + c] = s->clear[(int64_t)pixels[n] * s->channels + c] = 0.0F;
   }
-  return count > 0 ? add_places(r, count, pixels, side, s) : FUM_OK;
+  return count > 0 ? add_places(r, count, pixels, false, s) : FUM_OK;
 }
 
 static void write_shares(fum_rendering *r, const sums *s) {
@@ -145,7 +145,7 @@ int32_t fum_shadow_find(fum_rendering *r) {
   if (status != FUM_OK) goto done;
   for (int64_t i = 0; i < pixel_count(r); i++)
     pixels[i] = (uint32_t)i;
-  if (r->scene->caches->solids != NULL) status = add_places(r, pixel_count(r), pixels, 1, &s);
+  if (r->scene->caches->solids != NULL) status = add_places(r, pixel_count(r), pixels, true, &s);
   if (status == FUM_OK && r->scene->caches->solids != NULL) status = refine(r, pixels, &s);
   if (status == FUM_OK) write_shares(r, &s);
 done:

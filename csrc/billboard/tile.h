@@ -31,6 +31,8 @@ typedef struct fum_tile_job {
   const fum_solids *solids; /* that cast shadows; NULL: none */
   float solid_shadow_intensity;
   const float *solid_depths; /* [height][width] along the axis; NULL: none */
+  const float *solid_behind; /* [height][width] the same beside the solid, where its edge runs through a pixel... */
+  const float *solid_shares; /* ...and the share of the pixel in front of the solid; NULL: no edges */
   int32_t class_count;       /* of particles that scatter alike: with one anisotropy */
   const float *anisotropies; /* [class_count] */
   bool is_uniform;           /* one class, one albedo and no emission: only optical depth is added up... */

@@ -112,13 +112,14 @@ static void write_part(const tile *t, const fum_tile_rgb *part, float *out, int3
   for (int32_t y = 0; y < FUM_TILE && t->y0 + y < view->height; y++) {
     for (int32_t x = 0; x < FUM_TILE && t->x0 + x < view->width; x++) {
       float *rgb = out + stride * ((int64_t)(t->y0 + y) * view->width + t->x0 + x);
+      const int32_t i = fum_tile_pixel(x, y);
       for (int c = 0; c < 3; c++)
-        rgb[c] = part->of[c][fum_tile_pixel(x, y)];
+        rgb[c] += t->weights[i] * part->of[c][i];
     }
   }
 }
 
-/* Combined is the sum of its parts. */
+/* Adds the tile to the picture. Combined is the sum of its parts. */
 static void write_pixels(const tile *t, const fum_tile_scratch *scratch, sums *s) {
   const fum_tile_job *job = t->job;
   const int32_t lights = job->lattice->light_count;
@@ -135,7 +136,8 @@ static void write_pixels(const tile *t, const fum_tile_scratch *scratch, sums *s
   for (int32_t y = 0; y < FUM_TILE && t->y0 + y < job->view->height; y++) {
     for (int32_t x = 0; x < FUM_TILE && t->x0 + x < job->view->width; x++) {
       const int64_t pixel = (int64_t)(t->y0 + y) * job->view->width + t->x0 + x;
-      job->rgba[4 * pixel + 3] = -expm1f(-s->depth[fum_tile_pixel(x, y)]);
+      const int32_t i = fum_tile_pixel(x, y);
+      job->rgba[4 * pixel + 3] += t->weights[i] * -expm1f(-s->depth[i]);
     }
   }
 }
@@ -164,6 +166,32 @@ static bool make_room(tile *t, const uint32_t *indices, int64_t count, fum_tile_
   return true;
 }
 
+/* Weights of the pixels as the camera sees them up to the nearest solid, or beside it. False if all are 0. */
+static bool weigh(tile *t, bool is_beside) {
+  const fum_view *view = t->job->view;
+  const float *shares = t->job->solid_shares;
+  bool shows = !is_beside;
+  for (int32_t y = 0; y < FUM_TILE; y++) {
+    for (int32_t x = 0; x < FUM_TILE; x++) {
+      const bool is_inside = t->x0 + x < view->width && t->y0 + y < view->height;
+      const int64_t pixel = (int64_t)(t->y0 + y) * view->width + t->x0 + x;
+      const float share = shares != NULL && is_inside ? shares[pixel] : 1.0F;
+      t->weights[fum_tile_pixel(x, y)] = is_beside ? 1.0F - share : share;
+      shows = shows || share < 1.0F;
+    }
+  }
+  return shows;
+}
+
+static void draw(tile *t, const uint32_t *indices, int64_t count, fum_tile_scratch *scratch) {
+  if (!make_room(t, indices, count, scratch)) return;
+  aim(t);
+  add_splats(t, indices, count, scratch->slabs);
+  sums s = {0};
+  resolve(t, scratch->slabs, scratch, &s);
+  write_pixels(t, scratch, &s);
+}
+
 void FUM_TILE_NAME(const fum_tile_job *job, int64_t index, fum_tile_scratch *scratch) {
   const fum_splats *splats = job->splats;
   const uint32_t *indices = splats->tile_splats + splats->tile_begins[index];
@@ -172,11 +200,11 @@ void FUM_TILE_NAME(const fum_tile_job *job, int64_t index, fum_tile_scratch *scr
   tile t = {.job = job,
             .x0 = (int32_t)(index % splats->columns) * FUM_TILE,
             .y0 = (int32_t)(index / splats->columns) * FUM_TILE,
+            .solid_depths = job->solid_depths,
             .channels = job->is_uniform ? 1 : 1 + 3 * job->class_count + (job->glows ? 3 : 0)};
-  if (!make_room(&t, indices, count, scratch)) return;
-  aim(&t);
-  add_splats(&t, indices, count, scratch->slabs);
-  sums s = {0};
-  resolve(&t, scratch->slabs, scratch, &s);
-  write_pixels(&t, scratch, &s);
+  (void)weigh(&t, false);
+  draw(&t, indices, count, scratch);
+  if (job->solid_shares == NULL || !weigh(&t, true)) return;
+  t.solid_depths = job->solid_behind;
+  draw(&t, indices, count, scratch);
 }

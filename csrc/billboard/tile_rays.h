@@ -14,11 +14,13 @@ enum { WIDEST_LANES = 16 };
 typedef struct tile {
   const fum_tile_job *job;
   int32_t x0, y0;
+  const float *solid_depths; /* the job's, or those beside solids */
   int32_t first_slab, slab_count, channels;
   float columns[FUM_TILE], rows[FUM_TILE];           /* of the window */
   float u[FUM_TILE_PIXELS], v[FUM_TILE_PIXELS];      /* the same for each pixel */
   float inverse_length[FUM_TILE_PIXELS];             /* of the ray (u, v, -1); 1 in an orthographic view */
   float near[FUM_TILE_PIXELS], far[FUM_TILE_PIXELS]; /* ranges between which the ray sees smoke */
+  float weights[FUM_TILE_PIXELS];                    /* shares of the pixels that the depths are for */
   float nearest_far, farthest_near;
   float ranges[FUM_MAX_SLABS + 1 + WIDEST_LANES]; /* of the faces from first_slab on */
 } tile;
@@ -29,8 +31,8 @@ static void aim_pixel(tile *t, int32_t x, int32_t y) {
   const float u = t->columns[x], v = t->rows[y];
   const float length = view->type == FUM_CAMERA_PERSPECTIVE ? sqrtf(1.0F + u * u + v * v) : 1.0F;
   float depth = (float)view->clip_end;
-  if (t->job->solid_depths != NULL && t->x0 + x < view->width && t->y0 + y < view->height) {
-    depth = fum_min(depth, t->job->solid_depths[(int64_t)(t->y0 + y) * view->width + t->x0 + x]);
+  if (t->solid_depths != NULL && t->x0 + x < view->width && t->y0 + y < view->height) {
+    depth = fum_min(depth, t->solid_depths[(int64_t)(t->y0 + y) * view->width + t->x0 + x]);
   }
   t->u[i] = u;
   t->v[i] = v;

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "pass/surfaces.h"
 
+#include "pass/places.h"
+
 #include <math.h>
 
 /* A ray to a light must not meet the surface that it starts on: it starts this share of the distance to the camera in
@@ -61,8 +63,8 @@ static int32_t keep_solid(fum_context *context, int64_t count, const sight *sigh
 }
 
 int32_t fum_surfaces_find(fum_context *context, const fum_solids *solids, const fum_view *view, int64_t pixel_count,
-                          const uint32_t *pixels, int32_t side, fum_surfaces *out_surfaces) {
-  const int32_t per_pixel = side * side;
+                          const uint32_t *pixels, bool is_middle, fum_surfaces *out_surfaces) {
+  const int32_t per_pixel = is_middle ? 1 : FUM_PLACES;
   const int64_t count = pixel_count * per_pixel;
   sight *sights = NULL;
   int32_t status = fum_alloc(context, count, sizeof *sights, "surfaces of solids", &sights);
@@ -71,9 +73,9 @@ int32_t fum_surfaces_find(fum_context *context, const fum_solids *solids, const 
   for (int64_t i = 0; i < count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 12)) continue;
     const uint32_t pixel = pixels[i / per_pixel], width = (uint32_t)view->width;
-    const int32_t place = (int32_t)(i % per_pixel);
-    const double x = (place % side + 0.5) / side, y = ((double)(place / side) + 0.5) / side;
-    sights[i] = look(solids, view, pixel % width + x, pixel / width + y);
+    double place[2] = {0.5, 0.5};
+    if (!is_middle) fum_place_in_pixel((int32_t)(i % per_pixel), place);
+    sights[i] = look(solids, view, pixel % width + place[0], pixel / width + place[1]);
   }
   status = fum_progress_report(context, FUM_STAGE_PASSES, 0.1F, "Finding solids");
   if (status == FUM_OK) status = keep_solid(context, count, sights, pixels, per_pixel, out_surfaces);

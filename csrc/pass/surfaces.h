@@ -12,10 +12,10 @@ typedef struct fum_surfaces {
   uint32_t *pixels;           /* [count] ascending */
 } fum_surfaces;
 
-/* What is seen through `side` x `side` places, spread evenly over each of the pixels in `pixels` [pixel_count],
- * ascending; places where no solid is seen are left out. */
+/* What is seen at the middle, or at FUM_PLACES places, of each of the pixels in `pixels` [pixel_count], ascending;
+ * places where no solid is seen are left out. */
 int32_t fum_surfaces_find(fum_context *context, const fum_solids *solids, const fum_view *view, int64_t pixel_count,
-                          const uint32_t *pixels, int32_t side, fum_surfaces *out_surfaces);
+                          const uint32_t *pixels, bool is_middle, fum_surfaces *out_surfaces);
 void fum_surfaces_free(fum_context *context, fum_surfaces *surfaces);
 
 #endif

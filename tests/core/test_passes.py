@@ -230,3 +230,21 @@ def test_a_light_without_shadows_passes_smoke_and_solids() -> None:
     truth = core.render_reference(scene, frame(24))["Combined"][..., :3]
     difference = result["Combined"][..., :3] - truth
     assert np.sqrt((difference**2).mean()) < 0.005 * np.sqrt((truth**2).mean())
+
+
+def test_edges_of_solids_are_antialiased() -> None:
+    """A slanted wall in front of half of the smoke: a coarse picture is the mean of a fine one."""
+
+    def picture(size: int) -> dict:
+        particles = {"position": [(0.0, 0.0, 0.0), (0.4, 0.3, 0.5)], "radius": 2.5, "density": 0.8, "emission": 0.2}
+        scene = make([LIGHTS["sun"]], particles, has_floor=False)
+        corners = [(-3.0, -3.0, 2.5), (0.13, -3.0, 2.5), (0.61, 3.0, 2.5), (-3.0, 3.0, 2.5)]
+        scene.add_mesh(corners, [(0, 1, 2), (0, 2, 3)], visible_to_shadow=False)
+        return core.render(scene, frame(size), passes=["Combined", ("Light", 0), "Emit"])
+
+    fine, coarse = picture(256), picture(32)
+    for name in ("Combined", ("Light", 0), "Emit"):
+        expected = fine[name].astype(float).reshape(32, 8, 32, 8, -1).mean((1, 3))
+        errors = np.abs(coarse[name] - expected)
+        assert errors.max() < 0.06 * expected.max(), "a sixteenth of the step at the edge"
+        assert np.sqrt((errors**2).mean()) < 0.008 * expected.max()

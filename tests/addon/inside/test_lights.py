@@ -148,16 +148,6 @@ def named(word: str) -> bool:
     return any("'Point'" in text and word in text for text in scenes.export().warnings)
 
 
-def test_unshadowed_light_is_named(scene: bpy.types.Scene) -> None:
-    data = scenes.light("POINT").data
-    assert not named("shadows")
-    if hasattr(data.cycles, "cast_shadow"):
-        data.cycles.cast_shadow = False
-    else:
-        data.use_shadow = False
-    assert named("shadows")
-
-
 def test_light_linking_is_named(scene: bpy.types.Scene) -> None:
     owner = scenes.light("POINT")
     if not hasattr(owner, "light_linking"):

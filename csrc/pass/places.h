@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+/* Places in a pixel at which solids are looked at. */
+#ifndef FUM_PASS_PLACES_H
+#define FUM_PASS_PLACES_H
+
+#include <stdint.h>
+
+/* In pixels with edges. */
+enum { FUM_PLACES = 16 };
+
+/* Place `index` of FUM_PLACES, from the pixel's lower left corner: no two share a column or a row, so that edges of any
+ * slant are told to a sixteenth (Hammersley's points). */
+static inline void fum_place_in_pixel(int32_t index, double out[2]) {
+  static const uint8_t REVERSED[FUM_PLACES] = {0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15};
+  out[0] = (index + 0.5) / FUM_PLACES;
+  out[1] = (REVERSED[index] + 0.5) / FUM_PLACES;
+}
+
+#endif
