@@ -165,12 +165,17 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
   job->glows = true;
 }
 
+/* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask for
+ * light. Interpolation has them place samples out there anyway. */
+static float drawn_sigmas(const fum_rendering *r, const fum_slabs *slabs) {
+  const double usual = 10.0; /* optical depth of the smoke as a whole */
+  const double share = 0.0625 * fmin(1.0, usual / slabs->depth);
+  return fum_footprint_sigmas((float)share * r->settings.tolerance);
+}
+
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
-  /* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask
-   * for light. Interpolation has them place samples out there anyway. */
-  const float footprint = fum_footprint_sigmas(r->settings.tolerance),
-              drawn = fum_footprint_sigmas(0.0625F * r->settings.tolerance);
+  const float footprint = fum_footprint_sigmas(r->settings.tolerance);
   float anisotropies[16];
   fum_lighting lighting = {0};
   fum_meter meter = {0};
@@ -205,7 +210,8 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
-  status = fum_splats_find(r->context, all, &r->view, &light.slabs, drawn, job.thinnest, &splats);
+  status =
+      fum_splats_find(r->context, all, &r->view, &light.slabs, drawn_sigmas(r, &light.slabs), job.thinnest, &splats);
   if (status != FUM_OK) goto done;
   fum_tiles_shade_dust(r->context, &job, &splats);
   r->stats.drawn_count = splats.seen_count;

@@ -250,6 +250,21 @@ static double mean_thickness(const bin *bins) {
   return mass > 0.0 ? thickness / mass : 0.0;
 }
 
+static double whole_depth(const scan *s) {
+  const fum_octree_node *root = &s->octree->nodes[0];
+  double mass = 0.0, inverse_square = 0.0, sides[3], area = INFINITY;
+  for (int64_t n = 0; n < s->octree->node_count; n++) {
+    if (s->octree->nodes[n].children != 0) continue;
+    mass += s->leaves[n].mass;
+    inverse_square += s->leaves[n].inverse_square;
+  }
+  for (int axis = 0; axis < 3; axis++)
+    sides[axis] = (double)root->upper[axis] - (double)root->lower[axis];
+  for (int axis = 0; axis < 3; axis++)
+    area = fmin(area, 0.25 * FUM_PI * sides[axis] * sides[(axis + 1) % 3]);
+  return mass > 0.0 ? mass / (area + 2.0 * FUM_PI * mass / inverse_square) : 0.0;
+}
+
 static void find_starts(const double extent[2], fum_slabs *slabs) {
   slabs->starts_per_metre = FUM_SLAB_STARTS / (extent[1] - extent[0]);
   int32_t slab = 0;
@@ -288,6 +303,7 @@ int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum
   scan_leaves(&s);
   out_slabs->count = place_faces(bins, s.extent, s.extent[0] <= view->clip_start, tolerance, frequencies, faces);
   out_slabs->thickness = mean_thickness(bins);
+  out_slabs->depth = whole_depth(&s);
   out_slabs->faces = faces;
   faces = NULL;
   find_starts(s.extent, out_slabs);
