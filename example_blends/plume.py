@@ -17,14 +17,23 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fields import Field, Fields, connect  # noqa: E402
+from fields import Field, Fields  # noqa: E402
+from staging import (  # noqa: E402
+    Attributes,
+    FumaroleName,
+    add_cloud,
+    add_light,
+    add_object,
+    box_mesh,
+    looking,
+    smoke_material,
+)
 
 FRAMES = (1, 40)
 FRONT_FRAME = 18  # the one that the file opens at
@@ -44,9 +53,6 @@ WIND = 1.9  # m, how far the plume leans at its full height
 SPOT = Vector((-6.5, 0.2, 7.0))
 TARGET = Vector((0.6, 0.0, 2.6))  # the plume's middle
 EYE = Vector((-0.2, -10.4, 1.7))
-
-Attributes = dict[str, Field]  # of points, by name
-
 
 def plume_points(fields: Fields) -> Attributes:
     """Position (m), radius (m), density (1/m) and id of the plume's points."""
@@ -116,38 +122,6 @@ def haze_points(fields: Fields) -> Attributes:
     return {"position": position, "radius": 0.1 + 0.09 * away, "density": density, "id": index}
 
 
-def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], material: bpy.types.Material) -> None:
-    """An object whose geometry nodes make `count` points with the attributes that `make` gives."""
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree.outputs.new("NodeSocketGeometry", "Geometry")
-    fields = Fields(tree)
-    attributes = make(fields)
-    points = fields.points(count, attributes["position"], attributes["radius"])
-    points = fields.store(points, "density", "FLOAT", attributes["density"])
-    points = fields.store(points, "id", "INT", attributes["id"])
-    paint = tree.nodes.new("GeometryNodeSetMaterial")
-    paint.inputs["Material"].default_value = material
-    connect(tree, paint, {"Geometry": points})
-    tree.links.new(paint.outputs["Geometry"], tree.nodes.new("NodeGroupOutput").inputs[0])
-    fields.arrange()
-    owner = add_object(name, bpy.data.meshes.new(name), Matrix())
-    owner.modifiers.new(name, "NODES").node_group = tree
-
-
-def smoke_material(name: str) -> bpy.types.Material:
-    """Smoke that scatters nine tenths of the light it meets, mostly forwards."""
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
-    volume.inputs["Color"].default_value = (0.9, 0.9, 0.92, 1.0)
-    volume.inputs["Anisotropy"].default_value = 0.4
-    volume.location.x = -300
-    material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
-    return material
-
-
 def add_solids() -> None:
     """The ground, and a lattice in the spot's beam whose bars point at the camera, so that their shadows look sharp."""
     ground = bpy.data.meshes.new("Ground")
@@ -167,17 +141,6 @@ def beam_axes() -> tuple[Vector, Vector, Vector]:
     return right, back.cross(right), back
 
 
-def box_mesh(name: str, boxes: list[tuple[Vector, Vector]]) -> bpy.types.Mesh:
-    """Boxes, each by its centre and its size."""
-    corners = [Vector((x, y, z)) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    vertices = [centre + corner * size for centre, size in boxes for corner in corners]
-    faces = [[8 * box + corner for corner in side] for box in range(len(boxes)) for side in sides]
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(vertices, [], faces)
-    return mesh
-
-
 def add_lights() -> None:
     """A white spot past the lattice, the glow of a fire at the foot, and cool light from the far side."""
     spot = add_light("Spot", "SPOT", 10_000.0, (1.0, 0.93, 0.82), looking(SPOT, TARGET))
@@ -186,38 +149,10 @@ def add_lights() -> None:
     add_light("Rim", "POINT", 1100.0, (0.35, 0.6, 1.0), Matrix.Translation((5.5, 0.8, 4.5)))
 
 
-def add_light(
-    name: str, kind: str, power: float, color: tuple[float, float, float], matrix: Matrix
-) -> bpy.types.Light:
-    light = bpy.data.lights.new(name, kind)
-    light.energy, light.color, light.shadow_soft_size = power, color, 0.0
-    add_object(name, light, matrix)
-    return light
-
-
 def add_camera() -> None:
     camera = bpy.data.cameras.new("Camera")
     camera.lens = 40.0
     bpy.context.scene.camera = add_object("Camera", camera, looking(EYE, Vector((-0.15, 0.0, 2.7))))
-
-
-def looking(place: Vector, target: Vector) -> Matrix:
-    """The matrix of a light or camera at `place` that faces `target`, its X axis level."""
-    return Matrix.Translation(place) @ (target - place).to_track_quat("-Z", "Y").to_matrix().to_4x4()
-
-
-def add_object(name: str, data: bpy.types.ID, matrix: Matrix) -> bpy.types.Object:
-    owner = bpy.data.objects.new(name, data)
-    owner.matrix_world = matrix
-    bpy.context.scene.collection.objects.link(owner)
-    return owner
-
-
-class FumaroleName(bpy.types.RenderEngine):
-    """Blender lets a file name only an engine that is registered; this makes it so without the add-on."""
-
-    bl_idname = "FUMAROLE"
-    bl_label = "Fumarole"
 
 
 def set_scene() -> None:

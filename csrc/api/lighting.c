@@ -98,7 +98,7 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
   lighting.gathering.response = has_response ? respond : NULL;
   lighting.gathering.response_user = &surfaces;
-  status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors, NULL);
+  status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);
   if (status != FUM_OK) goto done;
   for (int64_t i = 0; i < count; i++)
     out_factors[points->indices[i]] = factors[i];

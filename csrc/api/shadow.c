@@ -51,6 +51,18 @@ static void add_light(const fum_rendering *r, int32_t light, const fum_octree *p
   }
 }
 
+static bool has_size(const fum_light_desc *light) {
+  if (light->type == FUM_LIGHT_SUN) return light->sun_angle > 0.0F;
+  return light->type == FUM_LIGHT_AREA || light->radius > 0.0F;
+}
+
+/* Samples of a light past solids: each draws an edge of its own. */
+static int32_t fine_samples(const fum_rendering *r, const fum_lamp *lamp) {
+  const int32_t times = 4, most = 1024, wanted = r->settings.light_samples;
+  const int32_t fine = !has_size(&lamp->desc) ? 1 : wanted < most / times ? times * wanted : most;
+  return fine > lamp->sample_count ? fine : lamp->sample_count;
+}
+
 static int32_t light_surfaces(const fum_rendering *r, const fum_surfaces *surfaces, sums *s) {
   fum_context *context = r->context;
   fum_octree *points = NULL;
@@ -70,7 +82,8 @@ static int32_t light_surfaces(const fum_rendering *r, const fum_surfaces *surfac
     memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);
     memset(clear, 0, (size_t)surfaces->count * sizeof *clear);
     const float count = (float)r->scene->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
-    status = fum_gather_light(&lighting.gathering, &lighting.lamps[l], progress, smoky, clear);
+    const fum_lamp *lamp = &lighting.lamps[l];
+    status = fum_gather_on_surfaces(&lighting.gathering, lamp, fine_samples(r, lamp), progress, smoky, clear);
     if (status == FUM_OK) add_light(r, l, points, surfaces->pixels, smoky, clear, s);
   }
 done:

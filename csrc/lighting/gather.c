@@ -64,8 +64,7 @@ static int32_t find_depths(const fum_gathering *g, const fum_lamp *lamp, const f
   return FUM_OK;
 }
 
-int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light,
-                         float *out_clear) {
+int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
   float *strengths = NULL, *depths = NULL;
@@ -85,9 +84,57 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < count; i++) {
-      if (!is_lit[i]) continue;
-      out_light[i] += strengths[i] * expf(-depths[i]);
-      if (out_clear != NULL) out_clear[i] += strengths[i];
+      if (is_lit[i]) out_light[i] += strengths[i] * expf(-depths[i]);
+    }
+  }
+  fum_free(context, &is_lit);
+  fum_free(context, &depths);
+  fum_free(context, &strengths);
+  return status;
+}
+
+/* The lamp's own sample that is nearest to one of a finer division. */
+static int32_t nearest_sample(const fum_lamp *lamp, const fum_emitter *fine) {
+  int32_t nearest = 0;
+  float least = INFINITY;
+  for (int32_t k = 0; k < lamp->sample_count; k++) {
+    const fum_emitter own = fum_lamp_sample(lamp, k);
+    const fum_vec3 gap = fum_sub(fine->is_directional ? own.direction : own.position,
+                                 fine->is_directional ? fine->direction : fine->position);
+    if (fum_dot(gap, gap) >= least) continue;
+    least = fum_dot(gap, gap);
+    nearest = k;
+  }
+  return nearest;
+}
+
+int32_t fum_gather_on_surfaces(const fum_gathering *g, const fum_lamp *lamp, int32_t fine_count,
+                               const float progress[2], float *out_light, float *out_clear) {
+  fum_context *context = g->context;
+  const int64_t count = g->receivers->octree->count;
+  fum_lamp fine = *lamp;
+  fine.sample_count = fine_count;
+  float *strengths = NULL, *depths = NULL;
+  uint8_t *is_lit = NULL;
+  int32_t status = fum_alloc(context, count, sizeof *strengths, "lighting", &strengths);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *depths, "lighting", &depths);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
+  for (int32_t k = 0; k < lamp->sample_count && status == FUM_OK; k++) {
+    const float step = (progress[1] - progress[0]) / (float)lamp->sample_count, from = progress[0] + step * (float)k;
+    const fum_emitter own = fum_lamp_sample(lamp, k);
+    memset(is_lit, 1, (size_t)count * sizeof *is_lit);
+    status = find_depths(g, lamp, &own, is_lit, (float[2]){from, from + step}, depths);
+    for (int32_t f = 0; f < fine_count && status == FUM_OK; f++) {
+      const fum_emitter sample = fum_lamp_sample(&fine, f);
+      if (nearest_sample(lamp, &sample) != k) continue;
+      find_strengths(g, &fine, &sample, strengths, is_lit);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+      for (int64_t i = 0; i < count; i++) {
+        if (!is_lit[i]) continue;
+        out_light[i] += strengths[i] * expf(-depths[i]);
+        out_clear[i] += strengths[i];
+      }
+      status = fum_progress_report(context, FUM_STAGE_PASSES, from, "Lighting surfaces");
     }
   }
   fum_free(context, &is_lit);

@@ -38,10 +38,15 @@ typedef struct fum_gathering {
   void *listen_user;
 } fum_gathering;
 
-/* out_light[i] (receivers' order) += what arrives from the light, as a factor on its colour; out_clear[i] += what would
- * without smoke, unless it is NULL. */
+/* out_light[i] (receivers' order) += what arrives from the light, as a factor on its colour. */
 int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
-                         float *out_light, float *out_clear);
+                         float *out_light);
+
+/* The same for surfaces, on which solids' shadows have sharp edges, and out_clear[i] += what would arrive without
+ * smoke. Past solids a light with a size is seen as `fine_count` samples; smoke is soft, and asked for those of the
+ * lamp. */
+int32_t fum_gather_on_surfaces(const fum_gathering *gathering, const fum_lamp *lamp, int32_t fine_count,
+                               const float progress[2], float *out_light, float *out_clear);
 
 /* Optical depth through smoke and share that solids let through, [count of receivers] in receivers' order: means over
  * the light's samples, weighted with what each sends. `response` isn't used. `out_visible` may be NULL without solids.

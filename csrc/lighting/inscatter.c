@@ -61,8 +61,7 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
     samples_done += lamps[light].sample_count;
     if (color[0] <= 0.0F && color[1] <= 0.0F && color[2] <= 0.0F) continue;
     memset(factors, 0, (size_t)octree->count * sizeof *factors);
-    status = fum_gather_light(&g, &lamps[light], (float[2]){from, (float)samples_done / (float)total_samples}, factors,
-                              NULL);
+    status = fum_gather_light(&g, &lamps[light], (float[2]){from, (float)samples_done / (float)total_samples}, factors);
     if (status != FUM_OK) break;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < octree->count; i++) {

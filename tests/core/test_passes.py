@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from exr_reader import read_exr
 
 from fumarole import core
 
@@ -207,6 +208,16 @@ def test_position_is_on_the_pixels_ray_at_its_depth() -> None:
 def test_passes_that_cannot_be_had_say_why(wanted: list, device: str, words: str) -> None:
     with pytest.raises(core.FumaroleError, match=words):
         core.render(make([LIGHTS["sun"]]), frame(), core.Settings(device=device), wanted)
+
+
+def test_a_result_with_passes_of_lights_is_written_to_a_file(tmp_path) -> None:
+    result = core.render(make([LIGHTS["sun"], LIGHTS["point"]]), frame(16), passes=["Combined", ("Light", 1), "Shadow"])
+    core.write_exr(tmp_path / "passes.exr", result)
+    channels = read_exr(tmp_path / "passes.exr")
+    assert set(channels) == {*"RGBA", *(f"{name}.{letter}" for name in ("Light 1", "Shadow") for letter in "RGB")}
+    assert np.array_equal(channels["Light 1.G"], result["Light", 1][::-1, :, 1]) or np.array_equal(
+        channels["Light 1.G"], result["Light", 1][..., 1]
+    )
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:

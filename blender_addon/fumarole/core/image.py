@@ -16,11 +16,11 @@ from .passes import passes
 CHANNELS = {1: "Y", 2: "XY", 3: "RGB", 4: "RGBA"}
 
 
-def write_exr(path: str | os.PathLike[str], layers: Mapping[str, ArrayLike], context: Context | None = None) -> None:
+def write_exr(path: str | os.PathLike[str], layers: Mapping[str | tuple[str, int], ArrayLike], context: Context | None = None) -> None:
     """Writes a 32-bit float, ZIP-compressed OpenEXR file. An existing file stays as it was on failure.
 
     layers: a Result, or pictures (height, width, 1 to 4 channels) by name, all of one size, first row at the bottom.
-    Channels are called name.letter ("Depth.Z"). The layers "Combined" and "" give the file's plain R, G, B, A. A
+    Channels are called name.letter ("Depth.Z", of a light's pass ("Light", 2) "Light 2.R"). The layers "Combined" and "" give the file's plain R, G, B, A. A
     layer named as a pass has that pass's letters; others have Y, XY, RGB or RGBA.
     Raises FumaroleError.
     """
@@ -36,8 +36,9 @@ def write_exr(path: str | os.PathLike[str], layers: Mapping[str, ArrayLike], con
         size = size or pixels.shape[:2]
         if pixels.shape[:2] != size:
             raise argument_error(f"layer {name!r} is {pixels.shape[:2]}, the first one {size} (height, width)")
-        image.name = b"" if name == "Combined" else name.encode()
-        image.channels = _channels(name, pixels.shape[2]).encode()
+        title = name if isinstance(name, str) else f"{name[0]} {name[1]}"
+        image.name = b"" if title == "Combined" else title.encode()
+        image.channels = _channels(name if isinstance(name, str) else name[0], pixels.shape[2]).encode()
         image.pixels = _arrays.pointer(pixels)
         kept.append(pixels)
     height, width = size

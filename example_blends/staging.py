@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the scripts of the example files share: clouds of points, objects, lights, the engine's name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+from fields import Field, Fields, connect
+from mathutils import Matrix, Vector
+
+Attributes = dict[str, Field]  # of points, by name
+
+
+def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], material: bpy.types.Material) -> None:
+    """An object whose geometry nodes make `count` points with the attributes that `make` gives."""
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree.outputs.new("NodeSocketGeometry", "Geometry")
+    fields = Fields(tree)
+    attributes = make(fields)
+    points = fields.points(count, attributes["position"], attributes["radius"])
+    points = fields.store(points, "density", "FLOAT", attributes["density"])
+    points = fields.store(points, "id", "INT", attributes["id"])
+    paint = tree.nodes.new("GeometryNodeSetMaterial")
+    paint.inputs["Material"].default_value = material
+    connect(tree, paint, {"Geometry": points})
+    tree.links.new(paint.outputs["Geometry"], tree.nodes.new("NodeGroupOutput").inputs[0])
+    fields.arrange()
+    owner = add_object(name, bpy.data.meshes.new(name), Matrix())
+    owner.modifiers.new(name, "NODES").node_group = tree
+
+
+def smoke_material(name: str) -> bpy.types.Material:
+    """Smoke that scatters nine tenths of the light it meets, mostly forwards."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
+    volume.inputs["Color"].default_value = (0.9, 0.9, 0.92, 1.0)
+    volume.inputs["Anisotropy"].default_value = 0.4
+    volume.location.x = -300
+    material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
+    return material
+
+
+def box_mesh(name: str, boxes: list[tuple[Vector, Vector]]) -> bpy.types.Mesh:
+    """Boxes, each by its centre and its size."""
+    corners = [Vector((x, y, z)) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    vertices = [centre + corner * size for centre, size in boxes for corner in corners]
+    faces = [[8 * box + corner for corner in side] for box in range(len(boxes)) for side in sides]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(vertices, [], faces)
+    return mesh
+
+
+def add_light(
+    name: str, kind: str, power: float, color: tuple[float, float, float], matrix: Matrix
+) -> bpy.types.Light:
+    light = bpy.data.lights.new(name, kind)
+    light.energy, light.color, light.shadow_soft_size = power, color, 0.0
+    add_object(name, light, matrix)
+    return light
+
+
+def looking(place: Vector, target: Vector) -> Matrix:
+    """The matrix of a light or camera at `place` that faces `target`, its X axis level."""
+    return Matrix.Translation(place) @ (target - place).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+
+def add_object(name: str, data: bpy.types.ID, matrix: Matrix) -> bpy.types.Object:
+    owner = bpy.data.objects.new(name, data)
+    owner.matrix_world = matrix
+    bpy.context.scene.collection.objects.link(owner)
+    return owner
+
+
+class FumaroleName(bpy.types.RenderEngine):
+    """Blender lets a file name only an engine that is registered; this makes it so without the add-on."""
+
+    bl_idname = "FUMAROLE"
+    bl_label = "Fumarole"
