@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -210,14 +211,12 @@ def test_passes_that_cannot_be_had_say_why(wanted: list, device: str, words: str
         core.render(make([LIGHTS["sun"]]), frame(), core.Settings(device=device), wanted)
 
 
-def test_a_result_with_passes_of_lights_is_written_to_a_file(tmp_path) -> None:
+def test_a_result_with_passes_of_lights_is_written_to_a_file(tmp_path: Path) -> None:
     result = core.render(make([LIGHTS["sun"], LIGHTS["point"]]), frame(16), passes=["Combined", ("Light", 1), "Shadow"])
     core.write_exr(tmp_path / "passes.exr", result)
     channels = read_exr(tmp_path / "passes.exr")
     assert set(channels) == {*"RGBA", *(f"{name}.{letter}" for name in ("Light 1", "Shadow") for letter in "RGB")}
-    assert np.array_equal(channels["Light 1.G"], result["Light", 1][::-1, :, 1]) or np.array_equal(
-        channels["Light 1.G"], result["Light", 1][..., 1]
-    )
+    assert np.array_equal(channels["Light 1.G"], result["Light", 1][..., 1])
 
 
 def test_any_number_of_threads_gives_the_same_bits() -> None:
