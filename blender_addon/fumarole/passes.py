@@ -20,6 +20,13 @@ SWITCHES = {
     "Shadow": "use_pass_shadow",
 }
 
+# Those that Blender has no switches for: the switch in its group of settings.
+OWN_SWITCHES = {
+    "Opacity": "use_pass_opacity",
+    "Depth Front": "use_pass_depth_range",
+    "Depth Back": "use_pass_depth_range",
+}
+
 # Longest name of a pass in Blender, in bytes.
 _LONGEST_NAME = 63
 
@@ -53,7 +60,8 @@ class LayerPass:
 def enabled(view_layer: bpy.types.ViewLayer) -> list[LayerPass]:
     """The passes to render: Combined, which every view layer has, and those that are switched on. Light groups have
     theirs by Cycles' names."""
-    switched_on = (name for name, switch in SWITCHES.items() if getattr(view_layer, switch))
+    switched_on = [name for name, switch in SWITCHES.items() if getattr(view_layer, switch)]
+    switched_on += [name for name, switch in OWN_SWITCHES.items() if getattr(view_layer.fumarole, switch)]
     found = [LayerPass(name, core.PASSES[name]) for name in ("Combined", *switched_on)]
     names = [owner.name for owner in view_layer.objects if owner.type == "LIGHT" and not owner.hide_render]
     if view_layer.fumarole.use_pass_lights:

@@ -131,6 +131,16 @@ def _tell_passes(_settings: bpy.types.PropertyGroup, context: bpy.types.Context)
 class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
     """Passes that Blender has no switches for."""
 
+    use_pass_opacity: BoolProperty(
+        name="Opacity",
+        description="The smoke's opacity, whatever is put behind it",
+        update=_tell_passes,
+    )
+    use_pass_depth_range: BoolProperty(
+        name="Depth Range",
+        description="Two passes, Depth Front and Depth Back: between them are nine tenths of the smoke's opacity",
+        update=_tell_passes,
+    )
     use_pass_lights: BoolProperty(
         name="Lights",
         description="A pass for each light: what the smoke scatters of it. Together with Emit they add up to Combined",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import bpy
 
 from .engine import FumaroleEngine, last_stats
-from .passes import SWITCHES
+from .passes import OWN_SWITCHES, SWITCHES
 
 # Panels for all engines that show what Fumarole doesn't have, or that the ones below show better.
 _EXCLUDED = {"DATA_PT_light", "DATA_PT_area", "DATA_PT_distance", "DATA_PT_falloff_curve", "NODE_DATA_PT_light"}
@@ -128,6 +128,8 @@ class FUMAROLE_PT_passes(FumarolePanel, bpy.types.Panel):
         column = self.column()
         for name, switch in SWITCHES.items():
             column.prop(context.view_layer, switch, text=name)
+        for switch in dict.fromkeys(OWN_SWITCHES.values()):
+            column.prop(context.view_layer.fumarole, switch)
         column.prop(context.view_layer.fumarole, "use_pass_lights")
         column.prop(context.view_layer.fumarole, "use_pass_light_shadows")
 

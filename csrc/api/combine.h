@@ -17,8 +17,10 @@ typedef struct fum_rendering {
   fum_view view;
   fum_solid_view solid;
   /* Passes; NULL: not needed. */
-  float *combined;       /* [height][width][4] */
-  float *depth;          /* [height][width] */
+  float *combined; /* [height][width][4] */
+  float *depth;    /* [height][width], as those below */
+  float *depth_front, *depth_back;
+  float *opacity;
   float *position;       /* [height][width][3], as those below */
   float *emission;       /* a part of combined */
   float *shadow;         /* of smoke on solids */

@@ -59,6 +59,12 @@ static float **place_of(fum_rendering *r, int32_t pass, int32_t light) {
     return &r->emission;
   case FUM_PASS_SHADOW:
     return &r->shadow;
+  case FUM_PASS_OPACITY:
+    return &r->opacity;
+  case FUM_PASS_DEPTH_FRONT:
+    return &r->depth_front;
+  case FUM_PASS_DEPTH_BACK:
+    return &r->depth_back;
   case FUM_PASS_LIGHT:
     return &r->lights[light];
   default:
@@ -84,7 +90,7 @@ static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_p
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
     const int32_t pass = passes[i].pass;
     status = allocate_pass(r, pass, passes[i].light);
-    if (status == FUM_OK && (pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION))
+    if (status == FUM_OK && (pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION || pass == FUM_PASS_OPACITY))
       status = allocate_pass(r, FUM_PASS_COMBINED, 0);
     if (status == FUM_OK && pass == FUM_PASS_POSITION) status = allocate_pass(r, FUM_PASS_DEPTH, 0);
   }
@@ -101,6 +107,9 @@ static void free_passes(fum_rendering *r) {
   fum_free(r->context, &r->shadow);
   fum_free(r->context, &r->emission);
   fum_free(r->context, &r->position);
+  fum_free(r->context, &r->opacity);
+  fum_free(r->context, &r->depth_back);
+  fum_free(r->context, &r->depth_front);
   fum_free(r->context, &r->depth);
   fum_free(r->context, &r->combined);
 }
@@ -109,12 +118,17 @@ static int32_t make_combined(fum_rendering *r) {
   return r->settings.device == FUM_DEVICE_GL ? fum_combine_with_gl(r) : fum_combine_with_tiles(r);
 }
 
-static int32_t make_depth(fum_rendering *r) {
+static int32_t make_depths(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
-  float *reaches = NULL;
+  float *const depths[] = {r->depth, r->depth_front, r->depth_back}, *reaches = NULL;
+  const fum_depth_of of[] = {FUM_DEPTH_OF_HALF, FUM_DEPTH_OF_FRONT, FUM_DEPTH_OF_BACK};
+  if (depths[0] == NULL && depths[1] == NULL && depths[2] == NULL) return FUM_OK;
   /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
   int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, &reaches);
-  if (status == FUM_OK) status = fum_depth_find(r->context, all, reaches, &r->view, r->solid.depths, r->depth);
+  for (int k = 0; k < 3 && status == FUM_OK; k++) {
+    if (depths[k] != NULL)
+      status = fum_depth_find(r->context, all, reaches, &r->view, r->solid.depths, of[k], depths[k]);
+  }
   fum_free(r->context, &reaches);
   return status;
 }
@@ -143,7 +157,9 @@ static bool needs_shadow(const fum_rendering *r) {
 /* Passes other than Combined and its parts. */
 static int32_t make_others(fum_rendering *r) {
   const double start_s = fum_now_s();
-  int32_t status = r->depth != NULL ? make_depth(r) : FUM_OK;
+  int32_t status = make_depths(r);
+  for (int64_t i = 0; i < pixel_count(r) && r->opacity != NULL; i++)
+    r->opacity[i] = r->combined[4 * i + 3];
   if (status == FUM_OK && r->position != NULL) make_position(r);
   if (status == FUM_OK && needs_shadow(r)) status = fum_shadow_find(r);
   r->stats.passes_s = fum_now_s() - start_s;

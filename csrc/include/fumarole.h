@@ -93,8 +93,11 @@ enum {
   FUM_PASS_POSITION = 2,
   FUM_PASS_EMISSION = 3,
   FUM_PASS_SHADOW = 4,
-  FUM_PASS_LIGHT = 5,       /**< of one light */
-  FUM_PASS_LIGHT_SHADOW = 6 /**< of one light */
+  FUM_PASS_LIGHT = 5,        /**< of one light */
+  FUM_PASS_LIGHT_SHADOW = 6, /**< of one light */
+  FUM_PASS_OPACITY = 7,
+  FUM_PASS_DEPTH_FRONT = 8,
+  FUM_PASS_DEPTH_BACK = 9
 };
 
 typedef struct fum_context fum_context;

@@ -36,6 +36,7 @@ typedef struct tile {
   block *blocks;
   int64_t block_count, block_capacity;
   bool is_out_of_memory;
+  fum_depth_of of;
 } tile;
 
 static bool collect(void *user, const fum_octree_node *node, float reach) {
@@ -130,18 +131,26 @@ static float depth_along(tile *t, const fum_segment *segment) {
   return depth;
 }
 
-/* Length along the segment at which the optical depth reaches ln 2; its whole length if it doesn't. Bisection with
- * regula falsi (Illinois) where the depth grows steadily. */
-static float find_half(tile *t, fum_segment segment) {
+/* The optical depth that is looked for on a ray with that of `whole`; above it where it isn't reached. */
+static float wanted_depth(fum_depth_of of, float whole) {
+  const float share = of == FUM_DEPTH_OF_FRONT ? 0.05F : 0.95F, unseen = 1e-4F;
+  if (of == FUM_DEPTH_OF_HALF) return HALF_DEPTH;
+  return whole > unseen ? -log1pf(share * expm1f(-whole)) : INFINITY;
+}
+
+/* Length along the segment at which the optical depth is the one looked for; its whole length if it isn't reached.
+ * Bisection with regula falsi (Illinois) where the depth grows steadily. */
+static float find_length(tile *t, fum_segment segment) {
   for (int64_t i = 0; i < t->block_count; i++)
     t->blocks[i].whole_depth = NAN;
+  const float whole = depth_along(t, &segment), wanted = wanted_depth(t->of, whole);
   float low = 0.0F, high = segment.length;
-  float below = -HALF_DEPTH, above = depth_along(t, &segment) - HALF_DEPTH;
+  float below = -wanted, above = whole - wanted;
   if (!(above >= 0.0F)) return segment.length;
   for (int step = 0; step < 60 && high - low > 1e-5F * high; step++) {
     const float ratio = step % 3 == 2 ? 0.5F : below / (below - above);
     segment.length = low + (high - low) * fminf(fmaxf(ratio, 0.02F), 0.98F);
-    const float excess = depth_along(t, &segment) - HALF_DEPTH;
+    const float excess = depth_along(t, &segment) - wanted;
     if (fabsf(excess) < 1e-5F) return segment.length;
     if (excess < 0.0F) {
       low = segment.length;
@@ -230,9 +239,9 @@ static void find_tile(tile *t, const float *reaches, const fum_view *view, const
       const double far = fmin(extent[1], solid);
       if (t->count == 0 || far <= extent[0]) continue;
       const pixel_ray ray = make_ray(view, x + 0.5, y + 0.5, extent[0], far);
-      const float half = find_half(t, ray.segment);
-      if (half < ray.segment.length) {
-        out_depths[pixel] = (float)(ray.start_depth + (double)half * ray.depth_per_metre);
+      const float length = find_length(t, ray.segment);
+      if (length < ray.segment.length) {
+        out_depths[pixel] = (float)(ray.start_depth + (double)length * ray.depth_per_metre);
       }
     }
   }
@@ -245,7 +254,7 @@ static void free_tile(tile *t) {
 }
 
 int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const float *reaches, const fum_view *view,
-                       const float *solid_depths, float *out_depths) {
+                       const float *solid_depths, fum_depth_of of, float *out_depths) {
   const int64_t across = (view->width + TILE - 1) / TILE, count = across * ((view->height + TILE - 1) / TILE);
   if (octree->node_count == 0) {
     const int64_t pixels = (int64_t)view->width * view->height;
@@ -257,7 +266,7 @@ int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const flo
   atomic_bool is_out_of_memory = false;
 #pragma omp parallel num_threads(fum_thread_count(context))
   {
-    tile t = {.octree = octree, .pairs = fum_pairs_get()};
+    tile t = {.octree = octree, .pairs = fum_pairs_get(), .of = of};
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < count; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;

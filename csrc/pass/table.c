@@ -21,6 +21,15 @@ static const fum_pass_info TABLE[] = {
      "Emit it adds up to Combined",
      1},
     {FUM_PASS_LIGHT_SHADOW, 3, "Light Shadow", "RGB", "COLOR", "The pass Shadow, of one light alone", 1},
+    {FUM_PASS_OPACITY, 1, "Opacity", "A", "VALUE",
+     "The channel A of Combined, 0 to 1, whatever is put behind the smoke", 0},
+    {FUM_PASS_DEPTH_FRONT, 1, "Depth Front", "Z", "VALUE",
+     "Depth along the camera's axis, m, in front of which a twentieth of the pixel's opacity lies; of the solid, or "
+     "the end of "
+     "the clip range, where there is no smoke",
+     0},
+    {FUM_PASS_DEPTH_BACK, 1, "Depth Back", "Z", "VALUE",
+     "Depth along the camera's axis, m, behind which a twentieth of the pixel's opacity lies; else as Depth Front", 0},
 };
 
 enum { PASS_COUNT = sizeof TABLE / sizeof TABLE[0] };

@@ -194,6 +194,31 @@ def test_position_is_on_the_pixels_ray_at_its_depth() -> None:
     assert (empty == 0).all()
 
 
+def test_depth_range_holds_nine_tenths_of_the_opacity() -> None:
+    """One particle straight ahead: its optical depth up to z is a normal distribution."""
+    particle = {"position": [(0.0, 0.0, 2.0)], "radius": 1.0, "density": 1.5}
+    names = ["Opacity", "Depth Front", "Depth", "Depth Back", "Combined"]
+    result = core.render(make([], particle, has_floor=False), frame(25), passes=names)
+    total = 1.5 * SIGMA * math.sqrt(2 * math.pi)
+    opacity = 1 - math.exp(-total)
+    assert (result["Opacity"][..., 0] == result["Combined"][..., 3]).all()
+    assert result["Opacity"][12, 12, 0] == pytest.approx(opacity, rel=0.01)
+    for name, share in (("Depth Front", 0.05), ("Depth Back", 0.95)):
+        place = (result[name][12, 12, 0] - 4.0) / SIGMA  # of the particle's centre, 4 m from the camera
+        passed = total * 0.5 * math.erfc(-place / math.sqrt(2))
+        assert 1 - math.exp(-passed) == pytest.approx(share * opacity, abs=2e-3)
+    front, middle, back = (result[name][12, 12, 0] for name in ("Depth Front", "Depth", "Depth Back"))
+    assert front < middle < back
+    far = core.Camera(**DOWN).clip[1]
+    assert (result["Depth Front"][0, 0] == far).all() and (result["Depth Back"][0, 0] == far).all()
+
+
+def test_depth_range_ends_at_solids() -> None:
+    result = core.render(make([], PARTICLE), frame(24), passes=["Depth Front", "Depth Back"])
+    assert np.allclose(result["Depth Front"][0, 0], 6.0) and np.allclose(result["Depth Back"][0, 0], 6.0)
+    assert (result["Depth Back"] <= 6.0 + 1e-5).all()
+
+
 @pytest.mark.parametrize(
     ("wanted", "device", "words"),
     [

@@ -137,7 +137,12 @@ def test_every_pass_of_the_library_is_reachable() -> None:
     layer.fumarole.use_pass_lights = layer.fumarole.use_pass_light_shadows = True
     of_lights = {item.item.name for item in passes.enabled(layer)} - {"Combined"}
     assert of_lights == {name for name, item in core.PASSES.items() if item.of_light}
-    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *of_lights}
+    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *passes.OWN_SWITCHES, *of_lights}
+    for name, switch in passes.OWN_SWITCHES.items():
+        setattr(layer.fumarole, switch, False)
+        assert name not in [item.name for item in passes.enabled(layer)]
+        setattr(layer.fumarole, switch, True)
+        assert name in [item.name for item in passes.enabled(layer)]
     for name, switch in passes.SWITCHES.items():
         assert name not in [item.name for item in passes.enabled(layer)]
         setattr(layer, switch, True)
