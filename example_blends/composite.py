@@ -22,35 +22,9 @@ import bpy
 from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fields import Fields  # noqa: E402
-from staging import (  # noqa: E402
-    Attributes,
-    FumaroleName,
-    add_cloud,
-    add_light,
-    add_object,
-    box_mesh,
-    looking,
-    smoke_material,
-)
+from staging import FumaroleName, add_light, add_object, add_puff, box_mesh, looking  # noqa: E402
 
-LOBES = 60
-GRAINS = 700  # in a lobe
-MIDDLE = Vector((0.1, 0.2, 1.25))  # of the smoke
 EYE = Vector((0.4, -9.0, 3.4))
-
-
-def puff_points(fields: Fields) -> Attributes:
-    """Position (m), radius (m), density (1/m) and id of a puff of lobes."""
-    index = fields.index()
-    lobe = (index / GRAINS).floor()
-    size = fields.random(lobe, 1, 0.25, 0.5)
-    position = fields.vector(*MIDDLE)
-    position += fields.direction(lobe, 2) * fields.vector(1.0, 0.75, 0.6) * fields.random(lobe, 3, 0.2, 0.95)
-    position += fields.direction(index, 4) * (size * fields.random(index, 5, 0.0, 1.0) ** 0.4)
-    for number, (length, amount) in enumerate(((0.8, 0.35), (0.3, 0.16), (0.12, 0.07))):
-        position += fields.noise(position * (1.0 / length), index * 0.0 + 3.0 * number) * amount
-    return {"position": position, "radius": 0.05 + 0.12 * size, "density": index * 0.0 + 0.95, "id": index}
 
 
 def material(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
@@ -149,7 +123,7 @@ def main() -> None:
     if bpy.app.version[:2] != (3, 4):
         raise SystemExit(f"Blender {bpy.app.version_string} would write a file that 3.4 can't read: use 3.4")
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    add_cloud("Puff", LOBES * GRAINS, puff_points, smoke_material("Smoke"))
+    add_puff("Puff", Vector((0.1, 0.2, 1.25)))
     add_solids()
     add_lights()
     smoke = smoke_scene()

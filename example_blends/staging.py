@@ -11,6 +11,9 @@ from mathutils import Matrix, Vector
 
 Attributes = dict[str, Field]  # of points, by name
 
+PUFF_LOBES = 60
+PUFF_GRAINS = 700  # in a lobe
+
 
 def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], material: bpy.types.Material) -> None:
     """An object whose geometry nodes make `count` points with the attributes that `make` gives."""
@@ -28,6 +31,25 @@ def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], mater
     fields.arrange()
     owner = add_object(name, bpy.data.meshes.new(name), Matrix())
     owner.modifiers.new(name, "NODES").node_group = tree
+
+
+def puff_points(fields: Fields, middle: Vector) -> Attributes:
+    """Position (m), radius (m), density (1/m) and id of the points of a puff, which is made of lobes."""
+    index = fields.index()
+    lobe = (index / PUFF_GRAINS).floor()
+    size = fields.random(lobe, 1, 0.25, 0.5)
+    position = fields.vector(*middle)
+    position += fields.direction(lobe, 2) * fields.vector(1.0, 0.75, 0.6) * fields.random(lobe, 3, 0.2, 0.95)
+    position += fields.direction(index, 4) * (size * fields.random(index, 5, 0.0, 1.0) ** 0.4)
+    for number, (length, amount) in enumerate(((0.8, 0.35), (0.3, 0.16), (0.12, 0.07))):
+        position += fields.noise(position * (1.0 / length), index * 0.0 + 3.0 * number) * amount
+    return {"position": position, "radius": 0.05 + 0.12 * size, "density": index * 0.0 + 0.95, "id": index}
+
+
+def add_puff(name: str, middle: Vector) -> None:
+    """Smoke about 2.5 m across."""
+    count = PUFF_LOBES * PUFF_GRAINS
+    add_cloud(name, count, lambda fields: puff_points(fields, middle), smoke_material("Smoke"))
 
 
 def smoke_material(name: str) -> bpy.types.Material:

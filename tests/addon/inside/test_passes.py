@@ -11,6 +11,8 @@ import pytest
 import scenes
 from exr import stack
 
+EXAMPLES = Path(__file__).resolve().parents[3] / "example_blends"
+
 
 def stage() -> None:
     """A puff between the camera and a floor that looks at it from above, and two lights over both."""
@@ -86,3 +88,24 @@ def test_a_light_that_shines_on_no_smoke_has_an_empty_pass(tmp_path: Path) -> No
     channels = scenes.render_channels(tmp_path)
     assert np.abs(stack(channels, f"{view_layer.name}.Light Fill", "RGB")).max() == 0
     assert (stack(channels, f"{view_layer.name}.Shadow Fill", "RGB") == 1).all()
+
+
+@pytest.mark.parametrize("name", ["lights", "composite"])
+def test_example_is_composed(name: str, tmp_path: Path) -> None:
+    """The file renders, and what its compositor makes of the passes is not what is muted in it."""
+    bpy.ops.wm.open_mainfile(filepath=str(EXAMPLES / f"{name}.blend"))
+    scene = bpy.context.scene
+    for other in bpy.data.scenes:
+        other.render.resolution_percentage = 10
+        other.cycles.samples = 4
+    tree = getattr(scene, "compositing_node_group", None) or scene.node_tree
+    pictures = []
+    for is_mute in (False, True):
+        for node in tree.nodes:
+            node.mute = is_mute and (node.name == "Shadow" or node.name.startswith("Gain"))
+        scene.render.filepath = str(tmp_path / f"{is_mute}.png")
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(scene.render.filepath)
+        pictures.append(np.array(image.pixels[:]).reshape(-1, 4)[:, :3])
+    assert all(picture.max() > 0.2 for picture in pictures)
+    assert np.abs(pictures[0] - pictures[1]).max() > 0.1
