@@ -45,8 +45,29 @@ static double squared_aspect(const fum_splat *splat, double radius) {
   return most(0.0, (depth * depth - radius * radius) / (squared - radius * radius));
 }
 
+/* What all particles are seen by. */
+typedef struct lens {
+  const fum_octree *octree;
+  const fum_view *view;
+  const fum_slabs *slabs;
+  double footprint_sigmas;
+  float thinnest;
+  double pixels_per_unit[2]; /* of the window */
+  double pixel;              /* width of the wider side of a pixel at unit depth */
+} lens;
+
+static lens make_lens(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs, double footprint_sigmas,
+                      float thinnest) {
+  lens l = {octree, view, slabs, footprint_sigmas, thinnest, {0.0, 0.0}, 0.0};
+  l.pixels_per_unit[0] = (double)view->width / (view->window[1] - view->window[0]);
+  l.pixels_per_unit[1] = (double)view->height / (view->window[3] - view->window[2]);
+  l.pixel = 1.0 / least(l.pixels_per_unit[0], l.pixels_per_unit[1]);
+  return l;
+}
+
 /* Box around the outline of a sphere, and the largest ellipse that the outline may be in it. */
-static void find_outline(const fum_view *view, double footprint_m, fum_splat *splat) {
+static void find_outline(const lens *l, double footprint_m, fum_splat *splat) {
+  const fum_view *view = l->view;
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const int32_t sides[2] = {view->width, view->height};
   const double depth = -(double)splat->center[2];
@@ -56,10 +77,10 @@ static void find_outline(const fum_view *view, double footprint_m, fum_splat *sp
     const double center = (double)splat->center[axis], *edges = view->window + 2 * axis;
     double ends[2] = {center - footprint_m, center + footprint_m};
     if (is_perspective) find_slopes(center, depth, footprint_m, ends);
-    const double per_unit = (double)sides[axis] / (edges[1] - edges[0]), beyond = 1e5;
+    const double per_unit = l->pixels_per_unit[axis], beyond = 1e5;
     const double first = most((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
     const double last = least((ends[1] - edges[0]) * per_unit - 0.5, beyond);
-    if (ceil(first) > floor(last) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
+    if ((last - first < 1.0 && ceil(first) > floor(last)) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
     if (first == -beyond || last == beyond) aspect = 0.0;
     middles[axis] = 0.5 * (first + last);
     halves[axis] = 0.5 * (last - first);
@@ -81,27 +102,26 @@ static void find_span(const fum_slabs *slabs, fum_splat *s) {
   s->last_slab = (uint16_t)last;
 }
 
-static fum_splat see(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs, int64_t i,
-                     double footprint_sigmas, float thinnest) {
+static fum_splat see(const lens *l, int64_t i) {
+  const fum_octree *octree = l->octree;
+  const fum_view *view = l->view;
   const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
   double c[3];
   fum_transform_point(view->camera_from_local, local, c);
   fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-  const double pixel = most((view->window[1] - view->window[0]) / (double)view->width,
-                            (view->window[3] - view->window[2]) / (double)view->height);
-  const double width = most(sigma, MIN_SIGMA_PIXELS * pixel * (is_perspective ? most(-c[2], 0.0) : 1.0));
-  double optical_depth = (double)fmaxf(octree->optical_depths[i], thinnest);
+  const double width = most(sigma, MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? most(-c[2], 0.0) : 1.0));
+  double optical_depth = (double)fum_max(octree->optical_depths[i], l->thinnest);
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;
   splat.width = (float)width;
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
-  splat.reach = (float)(sigma * fum_footprint(ALONG_SHARE * footprint_sigmas, optical_depth));
-  splat.footprint = (float)fum_footprint(footprint_sigmas, optical_depth);
-  find_outline(view, (double)splat.footprint * width, &splat);
-  find_span(slabs, &splat);
+  splat.reach = (float)(sigma * fum_footprint(ALONG_SHARE * l->footprint_sigmas, optical_depth));
+  splat.footprint = (float)fum_footprint(l->footprint_sigmas, optical_depth);
+  find_outline(l, (double)splat.footprint * width, &splat);
+  find_span(l->slabs, &splat);
   return splat;
 }
 
@@ -181,13 +201,14 @@ int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fu
   fum_splats s = {.count = octree->count,
                   .columns = (view->width + FUM_TILE - 1) / FUM_TILE,
                   .rows = (view->height + FUM_TILE - 1) / FUM_TILE};
+  const lens l = make_lens(octree, view, slabs, (double)footprint_sigmas, thinnest);
   int64_t seen = 0;
   int32_t status = fum_alloc(context, s.count, sizeof *s.splats, "splats", &s.splats);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
   for (int64_t i = 0; i < s.count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 16)) continue;
-    s.splats[i] = see(octree, view, slabs, i, (double)footprint_sigmas, thinnest);
+    s.splats[i] = see(&l, i);
     seen += is_seen(&s.splats[i]);
   }
   s.seen_count = seen;
