@@ -40,14 +40,8 @@ void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
   fum_receivers_free(context, &lighting->receivers);
 }
 
-/* What a surface makes of light: the cosine to its normal, or 1 without normals. */
-typedef struct surface {
-  const uint32_t *indices; /* of the receivers' points in the caller's arrays */
-  const float *normals;    /* NULL: none */
-} surface;
-
-static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
-  const surface *s = user;
+float fum_surface_respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
+  const fum_surface *s = user;
   if (s->normals == NULL) return 1.0F;
   const float *n = s->normals + 3 * (int64_t)s->indices[receiver];
   return fmaxf(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
@@ -93,10 +87,10 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status != FUM_OK) goto done;
-  const surface surfaces = {points->indices, normals};
+  const fum_surface surfaces = {points->indices, normals};
   /* Nothing measures these: only an exact solver keeps what is promised of them. */
   if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
-  lighting.gathering.response = has_response ? respond : NULL;
+  lighting.gathering.response = has_response ? fum_surface_respond : NULL;
   lighting.gathering.response_user = &surfaces;
   status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);
   if (status != FUM_OK) goto done;

@@ -14,6 +14,14 @@ typedef struct fum_lighting {
   fum_gathering gathering;
 } fum_lighting;
 
+/* What a surface makes of light: the cosine to its normal, or 1 without normals. The user of fum_surface_respond. */
+typedef struct fum_surface {
+  const uint32_t *indices; /* of the receivers' points in the caller's arrays */
+  const float *normals;    /* [3 points]; NULL: none */
+} fum_surface;
+
+float fum_surface_respond(const void *user, uint32_t receiver, fum_vec3 to_light);
+
 /* Largest error of a receiver's transmittance to a light. */
 float fum_transmittance_error(const fum_settings *settings);
 

@@ -20,18 +20,6 @@ static float share_of(const sums *s, int64_t pixel, int32_t channel) {
   return clear > 0.0F ? s->smoky[pixel * s->channels + channel] / clear : 1.0F;
 }
 
-/* What a surface makes of light. */
-typedef struct surface {
-  const uint32_t *indices; /* of the receivers in normals */
-  const float *normals;
-} surface;
-
-static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
-  const surface *s = user;
-  const float *n = s->normals + 3 * (int64_t)s->indices[receiver];
-  return fum_max(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
-}
-
 /* Adds one light, by a factor on its colour at each receiver. */
 static void add_light(const fum_rendering *r, int32_t light, const fum_octree *points, const uint32_t *pixels,
                       const float *smoky, const float *clear, sums *s) {
@@ -75,8 +63,8 @@ static int32_t light_surfaces(const fum_rendering *r, const fum_surfaces *surfac
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *smoky, "shadows of smoke", &smoky);
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *clear, "shadows of smoke", &clear);
   if (status != FUM_OK) goto done;
-  const surface user = {points->indices, surfaces->normals};
-  lighting.gathering.response = respond;
+  const fum_surface user = {points->indices, surfaces->normals};
+  lighting.gathering.response = fum_surface_respond;
   lighting.gathering.response_user = &user;
   for (int32_t l = 0; l < r->scene->light_count && status == FUM_OK; l++) {
     memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);

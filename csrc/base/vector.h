@@ -30,6 +30,12 @@ static inline float fum_min(float a, float b) {
 static inline float fum_max(float a, float b) {
   return a > b ? a : b;
 }
+static inline double fum_least(double a, double b) {
+  return a < b ? a : b;
+}
+static inline double fum_most(double a, double b) {
+  return a > b ? a : b;
+}
 
 static inline float fum_dot(fum_vec3 a, fum_vec3 b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;

@@ -29,20 +29,11 @@ static void find_slopes(double lateral, double depth, double radius, double out[
   if (high_x > 0.0) out[1] = (lateral * tangent + depth * radius) / high_x;
 }
 
-/* fmin and fmax are calls, for the sake of NaN. */
-static double least(double a, double b) {
-  return a < b ? a : b;
-}
-
-static double most(double a, double b) {
-  return a > b ? a : b;
-}
-
 /* Square of an ellipse's short axis over the long one: of the cone around a sphere, with its axis at an angle to the
  * view's, cut by the picture. 0 where it is no ellipse. */
 static double squared_aspect(const fum_splat *splat, double radius) {
   const double squared = (double)splat->range * (double)splat->range, depth = (double)splat->center[2];
-  return most(0.0, (depth * depth - radius * radius) / (squared - radius * radius));
+  return fum_most(0.0, (depth * depth - radius * radius) / (squared - radius * radius));
 }
 
 /* What all particles are seen by. */
@@ -61,7 +52,7 @@ static lens make_lens(const fum_octree *octree, const fum_view *view, const fum_
   lens l = {octree, view, slabs, footprint_sigmas, thinnest, {0.0, 0.0}, 0.0};
   l.pixels_per_unit[0] = (double)view->width / (view->window[1] - view->window[0]);
   l.pixels_per_unit[1] = (double)view->height / (view->window[3] - view->window[2]);
-  l.pixel = 1.0 / least(l.pixels_per_unit[0], l.pixels_per_unit[1]);
+  l.pixel = 1.0 / fum_least(l.pixels_per_unit[0], l.pixels_per_unit[1]);
   return l;
 }
 
@@ -78,8 +69,8 @@ static void find_outline(const lens *l, double footprint_m, fum_splat *splat) {
     double ends[2] = {center - footprint_m, center + footprint_m};
     if (is_perspective) find_slopes(center, depth, footprint_m, ends);
     const double per_unit = l->pixels_per_unit[axis], beyond = 1e5;
-    const double first = most((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
-    const double last = least((ends[1] - edges[0]) * per_unit - 0.5, beyond);
+    const double first = fum_most((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
+    const double last = fum_least((ends[1] - edges[0]) * per_unit - 0.5, beyond);
     if ((last - first < 1.0 && ceil(first) > floor(last)) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
     if (first == -beyond || last == beyond) aspect = 0.0;
     middles[axis] = 0.5 * (first + last);
@@ -87,7 +78,7 @@ static void find_outline(const lens *l, double footprint_m, fum_splat *splat) {
   }
   for (int axis = 0; axis < 2; axis++) {
     splat->middle_px[axis] = (float)middles[axis];
-    splat->half_px[axis] = (float)most(halves[axis], 1e-3);
+    splat->half_px[axis] = (float)fum_most(halves[axis], 1e-3);
   }
   /* Its tips are farthest out when the long axis lies along the box's diagonal. */
   splat->rim = aspect > 0.0 ? (float)(2.0 / (1.0 + aspect)) : INFINITY;
@@ -111,7 +102,7 @@ static fum_splat see(const lens *l, int64_t i) {
   fum_transform_point(view->camera_from_local, local, c);
   fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-  const double width = most(sigma, MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? most(-c[2], 0.0) : 1.0));
+  const double width = fum_most(sigma, MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? fum_most(-c[2], 0.0) : 1.0));
   double optical_depth = (double)fum_max(octree->optical_depths[i], l->thinnest);
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;

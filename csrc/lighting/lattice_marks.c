@@ -132,32 +132,35 @@ typedef struct group {
   double near, far, reach;   /* ranges of the centres; the largest reach */
 } group;
 
-static double least(double a, double b) {
-  return a < b ? a : b;
+static const group NOTHING = {
+    {INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0};
+
+static bool holds_nothing(const group *g) {
+  return g->near > g->far;
 }
 
-static double most(double a, double b) {
-  return a > b ? a : b;
+static void take_in(const fum_view *view, const double local[3], group *g) {
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  double c[3];
+  fum_transform_point(view->camera_from_local, local, c);
+  for (int axis = 0; axis < 3; axis++) {
+    g->lower[axis] = fum_least(g->lower[axis], c[axis]);
+    g->upper[axis] = fum_most(g->upper[axis], c[axis]);
+  }
+  const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
+  g->near = fum_least(g->near, range);
+  g->far = fum_most(g->far, range);
 }
 
 static group find_group(const fum_mark_task *task, int64_t begin, int64_t end) {
   const fum_octree *octree = task->octree;
-  const bool is_perspective = task->view->type == FUM_CAMERA_PERSPECTIVE;
-  group g = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0};
+  group g = NOTHING;
   for (int64_t i = begin; i < end; i++) {
     const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
-    double c[3];
     if (!(octree->optical_depths[i] > 0.0F)) continue;
-    fum_transform_point(task->view->camera_from_local, local, c);
-    for (int axis = 0; axis < 3; axis++) {
-      g.lower[axis] = least(g.lower[axis], c[axis]);
-      g.upper[axis] = most(g.upper[axis], c[axis]);
-    }
-    const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
-    g.near = least(g.near, range);
-    g.far = most(g.far, range);
-    g.reach = most(g.reach, fum_footprint((double)task->footprint_sigmas, (double)octree->optical_depths[i]) /
-                                (double)octree->inverse_sigmas[i]);
+    take_in(task->view, local, &g);
+    g.reach = fum_most(g.reach, fum_footprint((double)task->footprint_sigmas, (double)octree->optical_depths[i]) /
+                                    (double)octree->inverse_sigmas[i]);
   }
   return g;
 }
@@ -171,7 +174,7 @@ static bool find_whole(const fum_mark_task *task, const group *g, bunch *out) {
   const double per_near = is_perspective ? 1.0 / near : 1.0, per_far = is_perspective ? 1.0 / far : 1.0;
   const double per_front = is_perspective ? 1.0 / (near - g->reach) : 1.0;
   for (int axis = 0; axis < 2; axis++) {
-    const double low = g->lower[axis], high = g->upper[axis], side = most(-low, high);
+    const double low = g->lower[axis], high = g->upper[axis], side = fum_most(-low, high);
     if (high - low > widest * g->reach) return false;
     out->lower[axis] = (float)(low * (low < 0.0 ? per_near : per_far));
     out->upper[axis] = (float)(high * (high > 0.0 ? per_near : per_far));
@@ -187,7 +190,7 @@ static bool find_whole(const fum_mark_task *task, const group *g, bunch *out) {
 static void mark_neighbours(const fum_mark_task *task, int64_t begin, int64_t end, fum_marks *m) {
   bunch b;
   const group g = find_group(task, begin, end);
-  if (g.near > g.far) return;
+  if (holds_nothing(&g)) return;
   if (find_whole(task, &g, &b)) {
     mark_bunch(task, &b, m);
     return;
@@ -197,36 +200,28 @@ static void mark_neighbours(const fum_mark_task *task, int64_t begin, int64_t en
   }
 }
 
-/* A leaf's box of centres as a group, without a look at each of them. */
+/* A leaf's box of centres as a group, without a look at each of them; nothing where none of them absorbs. */
 static group find_leaf_group(const fum_mark_task *task, const fum_octree_node *leaf) {
   const fum_octree *octree = task->octree;
-  const bool is_perspective = task->view->type == FUM_CAMERA_PERSPECTIVE;
-  group g = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0};
+  group g = NOTHING;
   float densest = 0.0F, least_inverse = INFINITY;
   for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
     densest = fum_max(densest, octree->optical_depths[i]);
     least_inverse = fum_min(least_inverse, octree->inverse_sigmas[i]);
   }
+  if (!(densest > 0.0F)) return g;
   g.reach = fum_footprint((double)task->footprint_sigmas, (double)densest) / (double)least_inverse;
   for (int corner = 0; corner < 8; corner++) {
     const double local[3] = {(double)(corner & 1 ? leaf->upper : leaf->lower)[0],
                              (double)(corner & 2 ? leaf->upper : leaf->lower)[1],
                              (double)(corner & 4 ? leaf->upper : leaf->lower)[2]};
-    double c[3];
-    fum_transform_point(task->view->camera_from_local, local, c);
-    for (int axis = 0; axis < 3; axis++) {
-      g.lower[axis] = least(g.lower[axis], c[axis]);
-      g.upper[axis] = most(g.upper[axis], c[axis]);
-    }
-    const double range = is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
-    g.near = least(g.near, range);
-    g.far = most(g.far, range);
+    take_in(task->view, local, &g);
   }
   /* Between corners it may come nearer. */
   double squared = 0.0;
   for (int axis = 0; axis < 3; axis++)
     squared += 0.25 * pow((double)leaf->upper[axis] - (double)leaf->lower[axis], 2.0);
-  if (is_perspective) g.near = sqrt(most(g.near * g.near - squared, 0.0));
+  if (task->view->type == FUM_CAMERA_PERSPECTIVE) g.near = sqrt(fum_most(g.near * g.near - squared, 0.0));
   return g;
 }
 
@@ -234,6 +229,7 @@ static void mark_leaf(const fum_mark_task *task, const fum_octree_node *leaf, fu
   const uint32_t end = leaf->begin + leaf->count;
   const group g = find_leaf_group(task, leaf);
   bunch b;
+  if (holds_nothing(&g)) return;
   if (find_whole(task, &g, &b)) {
     mark_bunch(task, &b, m);
     return;

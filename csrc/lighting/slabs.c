@@ -32,11 +32,6 @@ typedef struct scan {
   bin *bins;    /* NULL: only the extent is found */
 } scan;
 
-/* fmax is a call, for the sake of NaN. */
-static double most(double a, double b) {
-  return a > b ? a : b;
-}
-
 static void see(const scan *s, uint32_t begin, uint32_t count, const double lower[3], const double upper[3],
                 seen *out) {
   const fum_octree *octree = s->octree;
@@ -44,12 +39,12 @@ static void see(const scan *s, uint32_t begin, uint32_t count, const double lowe
   *out = (seen){0};
   for (uint32_t i = begin; i < begin + count; i++) {
     const double inverse = (double)octree->inverse_sigmas[i], sigma = 1.0 / inverse;
-    const double mass = most((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
+    const double mass = fum_most((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
     mean_sigma += sigma;
     if (!(mass > 0.0)) continue;
     out->mass += mass;
     out->inverse_square += mass * inverse * inverse;
-    out->reach = most(out->reach, sigma * fum_footprint(FUM_REACH_SIGMAS, (double)octree->optical_depths[i]));
+    out->reach = fum_most(out->reach, sigma * fum_footprint(FUM_REACH_SIGMAS, (double)octree->optical_depths[i]));
   }
   for (int axis = 0; axis < 3; axis++) {
     const double side = upper[axis] - lower[axis];
