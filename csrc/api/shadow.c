@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "api/shadow.h"
-#include "pass/surfaces.h"
 
-#include <string.h>
+#include "api/surface_light.h"
 
 /* Light that reaches the solid in each pixel, through smoke and without. Sums over places in the pixel, so that places
  * count as much as they are lit. */
 typedef struct sums {
+  const fum_rendering *r;
   float *smoky, *clear; /* [pixels][channels]: red, green and blue of all lights, then one of each light asked for */
   int32_t channels;
 } sums;
@@ -20,73 +20,32 @@ static float share_of(const sums *s, int64_t pixel, int32_t channel) {
   return clear > 0.0F ? s->smoky[pixel * s->channels + channel] / clear : 1.0F;
 }
 
-/* Adds one light, by a factor on its colour at each receiver. */
-static void add_light(const fum_rendering *r, int32_t light, const fum_octree *points, const uint32_t *pixels,
-                      const float *smoky, const float *clear, sums *s) {
-  const float *color = r->scene->lights[light].desc.intensity;
+/* fum_surface_light_fn */
+static void add_light(void *user, int32_t light, const fum_surfaces *surfaces, const uint32_t *points,
+                      const float *smoky, const float *clear) {
+  sums *s = user;
+  const float *color = s->r->scene->lights[light].desc.intensity;
+  float *const *shadows = s->r->light_shadows;
   int32_t own = 3;
   for (int32_t l = 0; l < light; l++)
-    own += r->light_shadows[l] != NULL;
-  for (int64_t i = 0; i < points->count; i++) {
-    const int64_t at = (int64_t)pixels[points->indices[i]] * s->channels;
+    own += shadows[l] != NULL;
+  for (int64_t i = 0; i < surfaces->count; i++) {
+    const int64_t at = (int64_t)surfaces->pixels[points[i]] * s->channels;
     for (int c = 0; c < 3; c++) {
       s->smoky[at + c] += color[c] * smoky[i];
       s->clear[at + c] += color[c] * clear[i];
     }
-    if (r->light_shadows[light] == NULL) continue;
+    if (shadows[light] == NULL) continue;
     s->smoky[at + own] += smoky[i];
     s->clear[at + own] += clear[i];
   }
-}
-
-static bool has_size(const fum_light_desc *light) {
-  if (light->type == FUM_LIGHT_SUN) return light->sun_angle > 0.0F;
-  return light->type == FUM_LIGHT_AREA || light->radius > 0.0F;
-}
-
-/* Samples of a light past solids: each draws an edge of its own. */
-static int32_t fine_samples(const fum_rendering *r, const fum_lamp *lamp) {
-  const int32_t times = 4, most = 1024, wanted = r->settings.light_samples;
-  const int32_t fine = !has_size(&lamp->desc) ? 1 : wanted < most / times ? times * wanted : most;
-  return fine > lamp->sample_count ? fine : lamp->sample_count;
-}
-
-static int32_t light_surfaces(const fum_rendering *r, const fum_surfaces *surfaces, sums *s) {
-  fum_context *context = r->context;
-  fum_octree *points = NULL;
-  fum_lighting lighting = {0};
-  float *smoky = NULL, *clear = NULL;
-  int32_t status =
-      fum_octree_build_points(context, r->scene->origin, surfaces->count, surfaces->positions, FUM_GROUP_SIZE, &points);
-  if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, points, &lighting);
-  if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
-  if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *smoky, "shadows of smoke", &smoky);
-  if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *clear, "shadows of smoke", &clear);
-  if (status != FUM_OK) goto done;
-  const fum_surface user = {points->indices, surfaces->normals};
-  lighting.gathering.response = fum_surface_respond;
-  lighting.gathering.response_user = &user;
-  for (int32_t l = 0; l < r->scene->light_count && status == FUM_OK; l++) {
-    memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);
-    memset(clear, 0, (size_t)surfaces->count * sizeof *clear);
-    const float count = (float)r->scene->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
-    const fum_lamp *lamp = &lighting.lamps[l];
-    status = fum_gather_on_surfaces(&lighting.gathering, lamp, fine_samples(r, lamp), progress, smoky, clear);
-    if (status == FUM_OK) add_light(r, l, points, surfaces->pixels, smoky, clear, s);
-  }
-done:
-  fum_free(context, &clear);
-  fum_free(context, &smoky);
-  fum_lighting_end(context, &lighting);
-  fum_octree_destroy(context, points);
-  return status;
 }
 
 static int32_t add_places(const fum_rendering *r, int64_t count, const uint32_t *pixels, bool is_middle, sums *s) {
   fum_surfaces surfaces = {0};
   int32_t status =
       fum_surfaces_find(r->context, r->scene->caches->solids, &r->view, count, pixels, is_middle, &surfaces);
-  if (status == FUM_OK && surfaces.count > 0) status = light_surfaces(r, &surfaces, s);
+  if (status == FUM_OK && surfaces.count > 0) status = fum_surface_light_find(r, &surfaces, add_light, s);
   fum_surfaces_free(r->context, &surfaces);
   return status;
 }
@@ -136,7 +95,7 @@ static void write_shares(fum_rendering *r, const sums *s) {
 int32_t fum_shadow_find(fum_rendering *r) {
   fum_context *context = r->context;
   uint32_t *pixels = NULL;
-  sums s = {.channels = 3};
+  sums s = {.r = r, .channels = 3};
   for (int32_t l = 0; l < r->scene->light_count; l++)
     s.channels += r->light_shadows[l] != NULL;
   int32_t status = fum_alloc(context, pixel_count(r), sizeof *pixels, "shadows of smoke", &pixels);

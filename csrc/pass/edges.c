@@ -9,14 +9,6 @@
 /* Depths that differ by less than this share of themselves are those of one surface. */
 static const float SMOOTH = 0.01F;
 
-static float look(const fum_solids *solids, const fum_view *view, double x, double y) {
-  double start[3], direction[3];
-  fum_view_ray(view, x, y, start, direction);
-  const fum_vec3 from = {(float)start[0], (float)start[1], (float)start[2]};
-  const fum_vec3 along = {(float)direction[0], (float)direction[1], (float)direction[2]};
-  return fum_solids_hit(solids, from, along, (float)view->clip_start, (float)view->clip_end);
-}
-
 /* Does depth bend at the pixel? Slopes are those of one surface. */
 static bool is_edge(const fum_view *view, const float *depths, int32_t x, int32_t y) {
   const int64_t width = view->width, pixel = (int64_t)y * width + x;
@@ -46,7 +38,7 @@ static void look_closely(const fum_solids *solids, const fum_view *view, int64_t
   for (int i = 0; i < FUM_PLACES; i++) {
     double place[2];
     fum_place_in_pixel(i, place);
-    depths[i] = look(solids, view, x + place[0], y + place[1]);
+    depths[i] = fum_look(solids, view, x + place[0], y + place[1]).depth;
   }
   qsort(depths, FUM_PLACES, sizeof *depths, compare);
   int near = 1;
@@ -99,7 +91,7 @@ int32_t fum_solid_view_find(fum_context *context, const fum_solids *solids, cons
   for (int32_t y = 0; y < view->height; y++) {
     if (fum_progress_in_loop(context, y, 8)) continue;
     for (int32_t x = 0; x < view->width; x++)
-      found.depths[(int64_t)y * view->width + x] = look(solids, view, x + 0.5, y + 0.5);
+      found.depths[(int64_t)y * view->width + x] = fum_look(solids, view, x + 0.5, y + 0.5).depth;
   }
   status = fum_progress_report(context, FUM_STAGE_PASSES, 0.0F, "Finding solids");
   if (status == FUM_OK) status = find_edges(context, solids, view, &found);

@@ -3,7 +3,8 @@
 #ifndef FUM_PASS_PLACES_H
 #define FUM_PASS_PLACES_H
 
-#include <stdint.h>
+#include "scene/view.h"
+#include "solid/solid.h"
 
 /* In pixels with edges. */
 enum { FUM_PLACES = 16 };
@@ -15,5 +16,15 @@ static inline void fum_place_in_pixel(int32_t index, double out[2]) {
   out[0] = (index + 0.5) / FUM_PLACES;
   out[1] = (REVERSED[index] + 0.5) / FUM_PLACES;
 }
+
+/* What the camera sees of solids along one ray. */
+typedef struct fum_sight {
+  double start[3], direction[3]; /* of the ray, local space; the direction is a metre deep */
+  float depth;                   /* along the camera's axis, m; clip_end where there is no solid */
+  fum_solid_point solid;         /* there, undefined where there is none */
+} fum_sight;
+
+/* Looks through the place (x, y) of the picture, in pixels from its lower left corner. */
+fum_sight fum_look(const fum_solids *solids, const fum_view *view, double x, double y);
 
 #endif

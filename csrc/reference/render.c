@@ -105,7 +105,8 @@ static double find_way(const render *r, int64_t pixel, fum_way *out_way, double 
     const double *s = out_way->start;
     const fum_vec3 from = {(float)s[0], (float)s[1], (float)s[2]};
     const fum_vec3 along = {(float)direction[0], (float)direction[1], (float)direction[2]};
-    const float hit = fum_solids_hit(r->solids, from, along, (float)view->clip_start, (float)view->clip_end);
+    fum_solid_point point;
+    const float hit = fum_solids_see(r->solids, from, along, (float)view->clip_start, (float)view->clip_end, &point);
     if (hit < (float)view->clip_end) end = (double)hit;
   }
   out_way->length = end * speed;

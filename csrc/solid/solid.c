@@ -49,16 +49,18 @@ static void transform_vertices(const fum_scene *scene, const fum_mesh *mesh, flo
   }
 }
 
-static void attach(RTCDevice device, RTCScene *scene, RTCGeometry geometry) {
+/* Geometries have the numbers of their meshes. */
+static void attach(RTCDevice device, RTCScene *scene, RTCGeometry geometry, int32_t mesh) {
   if (*scene == NULL) {
     *scene = rtcNewScene(device);
     /* Watertight at edges: light must not leak between triangles. */
     rtcSetSceneFlags(*scene, RTC_SCENE_FLAG_ROBUST);
   }
-  rtcAttachGeometry(*scene, geometry);
+  rtcAttachGeometryByID(*scene, geometry, (unsigned)mesh);
 }
 
-static int32_t add_mesh(const fum_scene *scene, const fum_mesh *mesh, fum_solids *solids) {
+static int32_t add_mesh(const fum_scene *scene, int32_t index, fum_solids *solids) {
+  const fum_mesh *mesh = &scene->meshes[index];
   RTCGeometry geometry = rtcNewGeometry(solids->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   float *vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
                                             (size_t)mesh->vertex_count);
@@ -72,8 +74,8 @@ static int32_t add_mesh(const fum_scene *scene, const fum_mesh *mesh, fum_solids
   transform_vertices(scene, mesh, vertices);
   memcpy(triangles, mesh->triangles, (size_t)mesh->triangle_count * 3 * sizeof *triangles);
   rtcCommitGeometry(geometry);
-  if ((mesh->visibility & FUM_VISIBLE_TO_SHADOW) != 0) attach(solids->device, &solids->shadow, geometry);
-  if ((mesh->visibility & FUM_VISIBLE_TO_CAMERA) != 0) attach(solids->device, &solids->camera, geometry);
+  if ((mesh->visibility & FUM_VISIBLE_TO_SHADOW) != 0) attach(solids->device, &solids->shadow, geometry, index);
+  if ((mesh->visibility & FUM_VISIBLE_TO_CAMERA) != 0) attach(solids->device, &solids->camera, geometry, index);
   rtcReleaseGeometry(geometry);
   return FUM_OK;
 }
@@ -117,7 +119,7 @@ int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
   }
   rtcSetDeviceErrorFunction(solids->device, note_error, message);
   for (int32_t i = 0; i < scene->mesh_count && status == FUM_OK; i++) {
-    if (scene->meshes[i].triangle_count > 0) status = add_mesh(scene, &scene->meshes[i], solids);
+    if (scene->meshes[i].triangle_count > 0) status = add_mesh(scene, i, solids);
     if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Building meshes");
   }
   if (status != FUM_OK) goto done;
@@ -170,13 +172,8 @@ bool fum_solids_hide_from_camera(const fum_solids *solids) {
   return solids != NULL && solids->camera != NULL;
 }
 
-float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far) {
-  fum_vec3 normal;
-  return fum_solids_see(solids, origin, direction, near, far, &normal);
-}
-
 float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far,
-                     fum_vec3 *out_normal) {
+                     fum_solid_point *out_point) {
   if (!fum_solids_hide_from_camera(solids)) return far;
   struct RTCIntersectContext how;
   rtcInitIntersectContext(&how);
@@ -184,6 +181,7 @@ float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 directi
   rtcIntersect1(solids->camera, &how, &hit);
   const fum_vec3 normal = {hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z};
   const float length = fum_length(normal), side = fum_dot(normal, direction) > 0.0F ? -1.0F : 1.0F;
-  *out_normal = fum_scaled(normal, length > 0.0F ? side / length : 0.0F);
+  out_point->mesh = (int32_t)hit.hit.geomID;
+  out_point->normal = fum_scaled(normal, length > 0.0F ? side / length : 0.0F);
   return hit.ray.tfar;
 }

@@ -24,11 +24,15 @@ bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 dire
 
 bool fum_solids_hide_from_camera(const fum_solids *solids);
 
-/* Parameter t of the first point origin + t direction on a mesh that the camera sees, within near..far; far if none. */
-float fum_solids_hit(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far);
+/* Where a ray meets a mesh. */
+typedef struct fum_solid_point {
+  int32_t mesh;    /* of the scene */
+  fum_vec3 normal; /* unit, of the triangle there, on the side that the ray comes from */
+} fum_solid_point;
 
-/* The same, with the unit normal of the triangle there, on the side that the ray comes from; undefined if none. */
+/* Parameter t of the first point origin + t direction on a mesh that the camera sees, within near..far; far if none:
+ * `out_point` is undefined then. */
 float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far,
-                     fum_vec3 *out_normal);
+                     fum_solid_point *out_point);
 
 #endif
