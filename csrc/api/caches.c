@@ -3,16 +3,22 @@
 
 #include <stdlib.h>
 
-static void drop_medium(fum_context *context, fum_caches *caches) {
-  fum_medium_end(context, &caches->medium);
-  caches->medium = (fum_medium){0};
+/* Frees the media, and the octrees that they alone have. */
+static void drop_media(fum_context *context, fum_caches *caches) {
+  for (int32_t k = 0; k < caches->media.count; k++) {
+    fum_medium_end(context, &caches->media.items[k]);
+    if (caches->casters[k] != caches->all) fum_octree_destroy(context, caches->casters[k]);
+  }
+  free(caches->casters);
+  free(caches->media.items);
+  caches->casters = NULL;
+  caches->media = (fum_media){0};
 }
 
 static void drop_octrees(fum_context *context, fum_caches *caches) {
-  drop_medium(context, caches);
-  if (caches->density != caches->all) fum_octree_destroy(context, caches->density);
+  drop_media(context, caches);
   fum_octree_destroy(context, caches->all);
-  caches->all = caches->density = NULL;
+  caches->all = NULL;
 }
 
 void fum_scene_drop_caches(fum_scene *scene) {
@@ -24,19 +30,108 @@ void fum_scene_drop_caches(fum_scene *scene) {
   scene->caches = NULL;
 }
 
-static int32_t build_octrees(fum_scene *scene, const fum_settings *settings) {
+/* Builds the octree of the sets of particles for which `is_in` holds. */
+static int32_t build(fum_scene *scene, const fum_settings *settings, float subsampling,
+                     bool (*is_in)(const fum_particles *set, uint64_t sets), uint64_t sets, fum_octree **out_octree) {
+  bool *takes = malloc((size_t)scene->particles_count + 1);
+  if (takes == NULL) return fum_fail(scene->context, FUM_ERROR_MEMORY, "no memory for the sets of particles");
+  for (int32_t s = 0; s < scene->particles_count; s++)
+    takes[s] = is_in(&scene->particles[s], sets);
+  const fum_octree_options options = {settings->leaf_size, subsampling, takes};
+  const int32_t status = fum_octree_build(scene, &options, out_octree);
+  free(takes);
+  return status;
+}
+
+static bool is_seen(const fum_particles *set, uint64_t sets) {
+  (void)sets;
+  return set->is_visible_to_camera;
+}
+
+static bool is_caster(const fum_particles *set, uint64_t sets) {
+  return fum_has_set(sets, set->shadow_set);
+}
+
+/* Are those that the camera sees the same as those that block? */
+static bool are_all_casters(const fum_scene *scene, uint64_t sets) {
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+    if (set->count > 0 && is_seen(set, sets) != is_caster(set, sets)) return false;
+  }
+  return true;
+}
+
+static uint64_t find_present(const fum_scene *scene) {
+  uint64_t present = 0;
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    if (scene->particles[s].count > 0) present |= UINT64_C(1) << scene->particles[s].shadow_set;
+  }
+  return present;
+}
+
+/* Lists the choices of sets that the lights make; where none casts shadows, all. Returns how many. */
+static int32_t list_choices(const fum_scene *scene, uint64_t present, uint64_t *out_choices) {
+  int32_t count = 0;
+  for (int32_t l = 0; l < scene->light_count; l++) {
+    const fum_light_desc *light = &scene->lights[l].desc;
+    int32_t k = 0;
+    if (light->casts_shadows == 0) continue;
+    while (k < count && out_choices[k] != (light->shadow_sets & present))
+      k++;
+    if (k == count) out_choices[count++] = light->shadow_sets & present;
+  }
+  if (count == 0) out_choices[count++] = present;
+  return count;
+}
+
+/* Moves what was built for the same sets into place `k` of the new media. */
+static bool take_over(fum_caches *from, fum_caches *to, int32_t k, uint64_t sets) {
+  for (int32_t i = 0; i < from->media.count; i++) {
+    if (from->casters[i] == NULL || from->media.items[i].sets != sets) continue;
+    to->casters[k] = from->casters[i];
+    to->media.items[k] = from->media.items[i];
+    from->casters[i] = NULL;
+    from->media.items[i] = (fum_medium){0};
+    return true;
+  }
+  return false;
+}
+
+static bool has_media(const fum_caches *caches, int32_t count, const uint64_t *choices) {
+  bool are_same = caches->media.count == count;
+  for (int32_t k = 0; k < count && are_same; k++)
+    are_same = caches->media.items[k].sets == choices[k];
+  return are_same;
+}
+
+/* Octrees of what blocks the lights; those that are there already are kept. */
+static int32_t find_casters(fum_scene *scene, const fum_settings *settings) {
+  fum_context *context = scene->context;
   fum_caches *caches = scene->caches;
-  fum_octree_options options = {settings->leaf_size, 1.0F};
-  caches->leaf_size = settings->leaf_size;
-  caches->subsampling = settings->subsampling;
-  int32_t status = fum_octree_build(scene, &options, &caches->all);
-  if (status != FUM_OK) return status;
-  caches->density = caches->all;
-  if (settings->subsampling >= 1.0F) return FUM_OK;
-  fum_octree *density = NULL;
-  options.subsampling = settings->subsampling;
-  status = fum_octree_build(scene, &options, &density);
-  if (status == FUM_OK) caches->density = density;
+  uint64_t *choices = malloc((size_t)(scene->light_count + 1) * sizeof *choices);
+  fum_caches old = *caches, new = *caches;
+  int32_t status = FUM_OK;
+  if (choices == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for the scene's caches");
+  const uint64_t present = find_present(scene);
+  const int32_t count = list_choices(scene, present, choices);
+  if (has_media(caches, count, choices)) goto done;
+  new.casters = calloc((size_t)count, sizeof *new.casters);
+  new.media = (fum_media){.present = present, .items = calloc((size_t)count, sizeof *new.media.items)};
+  if (new.casters == NULL || new.media.items == NULL)
+    status = fum_fail(context, FUM_ERROR_MEMORY, "no memory for the scene's caches");
+  for (int32_t k = 0; k < count && status == FUM_OK; k++) {
+    new.media.count = k + 1;
+    if (take_over(&old, &new, k, choices[k])) continue;
+    new.casters[k] = caches->all;
+    new.media.items[k].sets = choices[k];
+    if (settings->subsampling >= 1.0F && are_all_casters(scene, choices[k])) continue;
+    new.casters[k] = NULL;
+    status = build(scene, settings, settings->subsampling, is_caster, choices[k], &new.casters[k]);
+  }
+  drop_media(context, &old);
+  *caches = new;
+done:
+  free(choices);
   return status;
 }
 
@@ -55,28 +150,36 @@ int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings) {
   caches->build_s = 0.0;
   const bool is_current =
       caches->all != NULL && caches->leaf_size == settings->leaf_size && caches->subsampling == settings->subsampling;
-  if (is_current) return FUM_OK;
-  drop_octrees(context, caches);
-  status = build_octrees(scene, settings);
+  if (!is_current) {
+    drop_octrees(context, caches);
+    caches->leaf_size = settings->leaf_size;
+    caches->subsampling = settings->subsampling;
+    status = build(scene, settings, 1.0F, is_seen, 0, &caches->all);
+  }
+  if (status == FUM_OK) status = find_casters(scene, settings);
   if (status == FUM_OK) caches->build_s = fum_now_s() - start_s;
 done:
   if (status != FUM_OK) fum_scene_drop_caches(scene);
   return status;
 }
 
-int32_t fum_caches_find_medium(fum_scene *scene, const fum_settings *settings, float error) {
+int32_t fum_caches_find_media(fum_scene *scene, const fum_settings *settings, float error) {
   fum_caches *caches = scene->caches;
-  fum_medium medium = {.octree = caches->density,
-                       .sigma_scale = settings->intersection_scale,
-                       .depth_scale = settings->shadowing_density * settings->intersection_scale,
-                       .depth_limit = -logf(error)};
-  const fum_medium *old = &caches->medium;
-  if (old->octree == medium.octree && old->sigma_scale == medium.sigma_scale &&
-      old->depth_scale == medium.depth_scale && old->error == error)
-    return FUM_OK;
-  drop_medium(scene->context, caches);
-  const int32_t status = fum_medium_begin(scene->context, error, &medium);
-  if (status != FUM_OK) return status;
-  caches->medium = medium;
-  return FUM_OK;
+  int32_t status = FUM_OK;
+  for (int32_t k = 0; k < caches->media.count && status == FUM_OK; k++) {
+    fum_medium *old = &caches->media.items[k];
+    fum_medium medium = {.sets = old->sets,
+                         .octree = caches->casters[k],
+                         .sigma_scale = settings->intersection_scale,
+                         .depth_scale = settings->shadowing_density * settings->intersection_scale,
+                         .depth_limit = -logf(error)};
+    if (old->octree == medium.octree && old->sigma_scale == medium.sigma_scale &&
+        old->depth_scale == medium.depth_scale && old->error == error)
+      continue;
+    fum_medium_end(scene->context, old);
+    *old = (fum_medium){.sets = medium.sets};
+    status = fum_medium_begin(scene->context, error, &medium);
+    if (status == FUM_OK) *old = medium;
+  }
+  return status;
 }

@@ -3,23 +3,24 @@
 #ifndef FUM_API_CACHES_H
 #define FUM_API_CACHES_H
 
-#include "lighting/medium.h"
+#include "lighting/media.h"
 #include "solid/solid.h"
 
 typedef struct fum_caches {
-  fum_octree *all;     /* every particle: what is lit and drawn */
-  fum_octree *density; /* what casts shadows: `all`, or an octree of its own when subsampled */
-  fum_solids *solids;  /* NULL: no triangle */
-  fum_medium medium;   /* of `density`; no octree: not yet */
+  fum_octree *all;      /* every particle that the camera sees: what is lit and drawn */
+  fum_solids *solids;   /* NULL: no triangle */
+  fum_octree **casters; /* [media.count] what blocks lights: `all`, or octrees of their own where that is subsampled, or
+                           seen by the camera or blocking in part */
+  fum_media media;      /* of `casters` */
   int32_t leaf_size;
   float subsampling;
   double build_s; /* that the last fum_caches_update took */
 } fum_caches;
 
-/* Builds what is missing or was built with other options. */
+/* Builds what is missing or was built with other options, and what blocks the lights there are. */
 int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings);
 
-/* Makes the medium of updated caches, for `error` of the transmittance, unless it is there already. */
-int32_t fum_caches_find_medium(fum_scene *scene, const fum_settings *settings, float error);
+/* Makes the media of updated caches, for `error` of the transmittance, unless they are there already. */
+int32_t fum_caches_find_media(fum_scene *scene, const fum_settings *settings, float error);
 
 #endif

@@ -13,8 +13,9 @@ fum_viewpoint fum_find_viewpoint(const fum_view *view) {
 }
 
 fum_meter_options fum_find_meter_options(const fum_rendering *r, const fum_lighting *lighting) {
-  return (fum_meter_options){.octree = r->scene->caches->all,
-                             .medium = lighting->medium,
+  return (fum_meter_options){.scene = r->scene,
+                             .octree = r->scene->caches->all,
+                             .media = lighting->media,
                              .lamp_count = r->scene->light_count,
                              .lamps = lighting->lamps,
                              .error = 0.01 * (double)fum_transmittance_error(&r->settings)};

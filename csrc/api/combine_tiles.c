@@ -176,7 +176,7 @@ static float drawn_sigmas(const fum_rendering *r, const fum_slabs *slabs) {
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = fum_footprint_sigmas(r->settings.tolerance);
-  float anisotropies[16];
+  fum_tile_class classes[FUM_MAX_CLASSES];
   fum_lighting lighting = {0};
   fum_meter meter = {0};
   smoke_light light = {0};
@@ -197,7 +197,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .light_rgb = r->lights,
                       .emission = r->emission};
   double start_s = fum_now_s();
-  int32_t status = fum_tiles_find_looks(r->scene, anisotropies, &job);
+  int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   const plan p = {r, &lighting, footprint, job.thinnest};
   if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
@@ -221,6 +221,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   r->stats.draw_s = fum_now_s() - start_s;
   memcpy(r->stats.device, "tiles", sizeof "tiles");
 done:
+  fum_free(r->context, &job.class_of);
   fum_splats_free(r->context, &splats);
   smoke_light_free(r->context, &light);
   fum_meter_end(&meter);

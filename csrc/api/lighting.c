@@ -17,18 +17,18 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
   fum_context *context = scene->context;
   const float error = 0.5F * fum_transmittance_error(settings);
   fum_lighting lighting = {0};
-  int32_t status = fum_caches_find_medium(scene, settings, error);
+  int32_t status = fum_caches_find_media(scene, settings, error);
   if (status == FUM_OK) status = fum_lamps_find(scene, receivers, settings->light_samples, &lighting.lamps);
   if (status != FUM_OK) {
     fum_lighting_end(context, &lighting);
     return status;
   }
-  lighting.medium = &scene->caches->medium;
+  lighting.media = &scene->caches->media;
   *out_lighting = lighting;
   out_lighting->solver = (fum_solver){.wanted = settings->solver, .tolerance = settings->tolerance};
   out_lighting->gathering = (fum_gathering){.context = context,
                                             .solver = &out_lighting->solver,
-                                            .medium = out_lighting->medium,
+                                            .media = out_lighting->media,
                                             .solids = scene->caches->solids,
                                             .solid_shadow_intensity = settings->solid_shadow_intensity,
                                             .receivers = &out_lighting->receivers};
@@ -42,8 +42,10 @@ void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
 
 float fum_surface_respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
   const fum_surface *s = user;
+  const int64_t i = s->indices[receiver];
+  if (s->mesh_indices != NULL && !fum_has_set(s->light_sets, s->meshes[s->mesh_indices[i]].light_set)) return 0.0F;
   if (s->normals == NULL) return 1.0F;
-  const float *n = s->normals + 3 * (int64_t)s->indices[receiver];
+  const float *n = s->normals + 3 * i;
   return fmaxf(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
 }
 
@@ -87,7 +89,7 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status != FUM_OK) goto done;
-  const fum_surface surfaces = {points->indices, normals};
+  const fum_surface surfaces = {.indices = points->indices, .normals = normals};
   /* Nothing measures these: only an exact solver keeps what is promised of them. */
   if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
   lighting.gathering.response = has_response ? fum_surface_respond : NULL;

@@ -7,7 +7,7 @@
 #include "lighting/gather.h"
 
 typedef struct fum_lighting {
-  fum_medium *medium; /* the caches' */
+  const fum_media *media; /* the caches' */
   fum_receivers receivers;
   fum_lamp *lamps; /* [light_count] */
   fum_solver solver;
@@ -16,8 +16,11 @@ typedef struct fum_lighting {
 
 /* What a surface makes of light: the cosine to its normal, or 1 without normals. The user of fum_surface_respond. */
 typedef struct fum_surface {
-  const uint32_t *indices; /* of the receivers' points in the caller's arrays */
-  const float *normals;    /* [3 points]; NULL: none */
+  const uint32_t *indices;     /* of the receivers' points in the caller's arrays */
+  const float *normals;        /* [3 points]; NULL: none */
+  const fum_mesh *meshes;      /* the scene's... */
+  const int32_t *mesh_indices; /* [points] ...and which one each point is on; NULL: every light shines on them */
+  uint64_t light_sets;         /* of the light; with mesh_indices */
 } fum_surface;
 
 float fum_surface_respond(const void *user, uint32_t receiver, fum_vec3 to_light);

@@ -28,14 +28,18 @@ int32_t fum_surface_light_find(const fum_rendering *r, const fum_surfaces *surfa
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *smoky, "light on solids", &smoky);
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *clear, "light on solids", &clear);
   if (status != FUM_OK) goto done;
-  const fum_surface normals = {points->indices, surfaces->normals};
+  fum_surface surface = {.indices = points->indices,
+                         .normals = surfaces->normals,
+                         .meshes = r->scene->meshes,
+                         .mesh_indices = surfaces->meshes};
   lighting.gathering.response = fum_surface_respond;
-  lighting.gathering.response_user = &normals;
+  lighting.gathering.response_user = &surface;
   for (int32_t l = 0; l < r->scene->light_count && status == FUM_OK; l++) {
     memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);
     memset(clear, 0, (size_t)surfaces->count * sizeof *clear);
     const float count = (float)r->scene->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
     const fum_lamp *lamp = &lighting.lamps[l];
+    surface.light_sets = lamp->desc.light_sets;
     status = fum_gather_on_surfaces(&lighting.gathering, lamp, fine_samples(r, lamp), progress, smoky, clear);
     if (status == FUM_OK) hear(user, l, surfaces, points->indices, smoky, clear);
   }

@@ -56,8 +56,10 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
   uint64_t *keys = NULL;
   uint32_t *ranks = NULL;
   int64_t seen = 0;
-  int32_t status = fum_alloc(context, octree->count, sizeof *keys, "order of the particles", &keys);
+  const int64_t places = scene->particle_count;
+  int32_t status = fum_alloc(context, places, sizeof *keys, "order of the particles", &keys);
   if (status != FUM_OK) goto done;
+  if (octree->count < places) memset(keys, 0xff, (size_t)places * sizeof *keys); /* some are in no octree: unseen */
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
   for (int64_t rank = 0; rank < octree->count; rank++) {
     double center[3];
@@ -70,7 +72,7 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
     keys[octree->indices[rank]] = in_frame ? (uint64_t)order_key(view, center) << 32 | (uint64_t)rank : unseen;
     seen += in_frame;
   }
-  status = fum_radix_sort(context, octree->count, 32, keys, NULL);
+  status = fum_radix_sort(context, places, 32, keys, NULL);
   if (status == FUM_OK) status = fum_alloc(context, seen, sizeof *ranks, "order of the particles", &ranks);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)

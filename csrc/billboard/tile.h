@@ -8,7 +8,7 @@
 #include "lighting/lattice.h"
 #include "lighting/slabs.h"
 
-enum { FUM_TILE_PIXELS = FUM_TILE * FUM_TILE };
+enum { FUM_TILE_PIXELS = FUM_TILE * FUM_TILE, FUM_MAX_CLASSES = 16 };
 
 /* A tile's pixels are kept in square blocks, one after the other: few blocks cover a splat. */
 enum { FUM_BLOCK = 4, FUM_BLOCK_PIXELS = FUM_BLOCK * FUM_BLOCK, FUM_BLOCKS = FUM_TILE / FUM_BLOCK };
@@ -18,6 +18,12 @@ static inline int32_t fum_tile_pixel(int32_t x, int32_t y) {
   const int32_t block = y / FUM_BLOCK * FUM_BLOCKS + x / FUM_BLOCK;
   return block * FUM_BLOCK_PIXELS + y % FUM_BLOCK * FUM_BLOCK + x % FUM_BLOCK;
 }
+
+/* Particles that scatter alike: with one anisotropy, and lit by the same lights. */
+typedef struct fum_tile_class {
+  float anisotropy;
+  int32_t light_set; /* of some of them */
+} fum_tile_class;
 
 /* What the tiles of a picture share. */
 typedef struct fum_tile_job {
@@ -33,11 +39,12 @@ typedef struct fum_tile_job {
   const float *solid_depths; /* [height][width] along the axis; NULL: none */
   const float *solid_behind; /* [height][width] the same beside the solid, where its edge runs through a pixel... */
   const float *solid_shares; /* ...and the share of the pixel in front of the solid; NULL: no edges */
-  int32_t class_count;       /* of particles that scatter alike: with one anisotropy */
-  const float *anisotropies; /* [class_count] */
-  bool is_uniform;           /* one class, one albedo and no emission: only optical depth is added up... */
-  float albedo[3];           /* ...and this is the albedo */
-  bool glows;                /* emission is added up as well */
+  int32_t class_count;
+  const fum_tile_class *classes; /* [class_count] */
+  uint8_t *class_of;             /* [sets of particles] their class; owned, freed with fum_free */
+  bool is_uniform;               /* one class, one albedo and no emission: only optical depth is added up... */
+  float albedo[3];               /* ...and this is the albedo */
+  bool glows;                    /* emission is added up as well */
   const float *centre_light; /* [3 octree->count] of particles that are lit at their centres, as of fum_inscatter, and
                                 counted as emission; NULL: light comes from the lattice */
   float straight;            /* sigmas along the view within which bent faces count as flat: a share of the tolerance */

@@ -171,10 +171,13 @@ static fum_emitter shadow_sample(const span *s, int32_t part) {
 /* Is a point of the ray in the shadow of a solid, seen from that part's point of the light? */
 static bool is_shadowed(const span *s, fum_vec3 point, int32_t part) {
   const fum_emitter sample = shadow_sample(s, part);
-  if (sample.is_directional) return fum_solids_occlude(s->grid->job->solids, point, sample.direction, INFINITY);
+  const uint64_t blockers = s->lamp->desc.shadow_sets;
+  if (sample.is_directional)
+    return fum_solids_occlude(s->grid->job->solids, blockers, point, sample.direction, INFINITY);
   const fum_vec3 line = fum_sub(sample.position, point);
   const float length = fum_length(line);
-  return fum_solids_occlude(s->grid->job->solids, point, fum_scaled(line, 1.0F / fum_max(length, 1e-20F)), length);
+  const fum_vec3 direction = fum_scaled(line, 1.0F / fum_max(length, 1e-20F));
+  return fum_solids_occlude(s->grid->job->solids, blockers, point, direction, length);
 }
 
 /* `part` of the span, of PARTS. */
@@ -226,6 +229,13 @@ static void divide(const span *s, float *places, float *weights) {
   }
 }
 
+/* What a class scatters towards the camera of light from `to_light`, 1/sr; 0 if the lamp doesn't shine on it. */
+static float scattered(const span *s, int32_t class, fum_vec3 to_light) {
+  const fum_tile_class *c = &s->grid->job->classes[class];
+  if (!fum_has_set(s->lamp->desc.light_sets, c->light_set)) return 0.0F;
+  return fum_phase(c->anisotropy, fum_dot(to_light, s->direction));
+}
+
 /* Integrates over the span, smoke in front included, and writes it down as light of one depth at both ends. */
 static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
   const fum_tile_job *job = s->grid->job;
@@ -243,9 +253,8 @@ static void light_parts(const span *s, int32_t pixel, fum_slab_light *out) {
   out->end[pixel] = least - s->optical_depth; /* see add_light in tile_loop.h: the mean becomes 1 */
   for (int k = 0; k < PARTS; k++) {
     const float strength = weights[k] * parts[k].strength * expf(least - parts[k].depth);
-    for (int32_t c = 0; c < job->class_count; c++) {
-      out->strengths[c][pixel] += strength * fum_phase(job->anisotropies[c], fum_dot(parts[k].to_light, s->direction));
-    }
+    for (int32_t c = 0; c < job->class_count; c++)
+      out->strengths[c][pixel] += strength * scattered(s, c, parts[k].to_light);
   }
 }
 
@@ -265,7 +274,7 @@ static void light_middle(const span *s, int32_t pixel, fum_slab_light *out) {
   out->begin[pixel] = begin;
   out->end[pixel] = end;
   for (int32_t c = 0; c < job->class_count; c++)
-    out->strengths[c][pixel] = strength * fum_phase(job->anisotropies[c], fum_dot(l.to_light, s->direction));
+    out->strengths[c][pixel] = strength * scattered(s, c, l.to_light);
 }
 
 /* Mean extinction over the part of a slab that a ray sees; NaN where that is too little to tell. */

@@ -6,8 +6,6 @@
 
 #include "billboard/tile.h"
 
-enum { FUM_MAX_CLASSES = 16 };
-
 /* A slab of less optical depth than this isn't lit, nor one behind more than that. */
 static const float FUM_TILE_THIN = 1e-10F, FUM_TILE_DARK = 12.0F;
 

@@ -168,8 +168,10 @@ static void light_middles(const fum_light_grid *grid, const fum_lamp *lamp, cons
   const fum_vf cosine = p->is_sun ? p->cosine : (p->nearest - along) / vf_max(distance, fum_vf_set(1e-20F));
   fum_vf_store(out->begin + pixel, begin);
   fum_vf_store(out->end + pixel, end);
-  for (int32_t c = 0; c < job->class_count; c++)
-    fum_vf_store(out->strengths[c] + pixel, bent * phase(job->anisotropies[c], cosine));
+  for (int32_t c = 0; c < job->class_count; c++) {
+    const bool is_lit = fum_has_set(lamp->desc.light_sets, job->classes[c].light_set);
+    fum_vf_store(out->strengths[c] + pixel, is_lit ? bent * phase(job->classes[c].anisotropy, cosine) : ZERO);
+  }
 }
 
 static void leave_dark(const fum_tile_job *job, int32_t pixel, fum_slab_light *out) {

@@ -98,6 +98,7 @@ static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *s
                                   .next = k + 1 < t->slab_count ? slab + stride : NULL,
                                   .front = s->depth};
     for (int32_t l = 0; l < lights; l++) {
+      if (!job->lamps[l].lights_smoke) continue;
       light_slab(&grid, l, &smoke, &held[l], &light);
       add_light(t, slab, &light, s->depth, part_of(job, l, scratch->parts, s));
     }

@@ -15,7 +15,7 @@ static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade,
   const float *emission = set->emissions != NULL ? set->emissions + 3 * i : set->emission;
   for (int32_t k = 0; k < job->class_count; k++) {
     for (int c = 0; c < 3; c++)
-      out[3 * k + c] = job->anisotropies[k] == set->anisotropy ? albedo[c] * self_shade : 0.0F;
+      out[3 * k + c] = job->class_of[set - job->scene->particles] == k ? albedo[c] * self_shade : 0.0F;
   }
   const float density = fum_max(set->densities[i], job->thinnest / (set->sigmas[i] * (float)FUM_SQRT_2PI));
   const float *light = job->centre_light != NULL ? job->centre_light + 3 * (int64_t)splat : NULL;

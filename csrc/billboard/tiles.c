@@ -17,23 +17,32 @@ fum_tile_fn fum_tile_get(void) {
   return FUM_CPU_CHOOSE(fum_tile_plain, fum_tile_avx2, fum_tile_avx512);
 }
 
-int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_CLASSES], fum_tile_job *job) {
+static bool is_of_class(const fum_scene *scene, const fum_particles *set, const fum_tile_class *class) {
+  return set->anisotropy == class->anisotropy && fum_scene_is_lit_alike(scene, set->light_set, class->light_set);
+}
+
+int32_t fum_tiles_find_looks(const fum_scene *scene, fum_tile_class classes[FUM_MAX_CLASSES], fum_tile_job *job) {
   const fum_particles *first = NULL;
+  const int32_t status =
+      fum_alloc(scene->context, scene->particles_count, sizeof *job->class_of, "looks of smoke", &job->class_of);
+  if (status != FUM_OK) return status;
   job->class_count = 0;
   job->is_uniform = true;
   job->glows = false;
-  job->anisotropies = anisotropies;
+  job->classes = classes;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
-    if (set->count == 0) continue;
+    if (set->count == 0 || !set->is_visible_to_camera) continue;
     int32_t k = 0;
-    while (k < job->class_count && anisotropies[k] != set->anisotropy)
+    while (k < job->class_count && !is_of_class(scene, set, &classes[k]))
       k++;
     if (k == FUM_MAX_CLASSES) {
-      return fum_fail(scene->context, FUM_ERROR_ARGUMENT, "%s: more than %d different anisotropies", set->name,
+      return fum_fail(scene->context, FUM_ERROR_ARGUMENT,
+                      "%s: more than %d different anisotropies, those lit by different lights counted apart", set->name,
                       (int)FUM_MAX_CLASSES);
     }
-    if (k == job->class_count) anisotropies[job->class_count++] = set->anisotropy;
+    if (k == job->class_count) classes[job->class_count++] = (fum_tile_class){set->anisotropy, set->light_set};
+    job->class_of[s] = (uint8_t)k;
     const bool glows =
         set->emissions != NULL || set->emission[0] > 0.0F || set->emission[1] > 0.0F || set->emission[2] > 0.0F;
     job->glows = job->glows || glows;
@@ -47,23 +56,26 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[FUM_MAX_
   return FUM_OK;
 }
 
-/* Mean over the lights of how much a particle shades itself, weighted with what each sends. */
+/* Mean over the lights that shine on a particle of how much it shades itself, weighted with what each sends. */
 static double find_self_shade(const fum_tile_job *job, int64_t i) {
   const fum_octree *octree = job->octree;
   const double *m = job->view->local_from_camera;
   const fum_vec3 at = {octree->x[i], octree->y[i], octree->z[i]}, back = {(float)m[2], (float)m[6], (float)m[10]};
   const fum_vec3 camera = {(float)m[3], (float)m[7], (float)m[11]};
   const fum_vec3 to_camera = job->view->type == FUM_CAMERA_PERSPECTIVE ? fum_sub(camera, at) : back;
+  const fum_particles *set = fum_scene_particles_of(job->scene, octree->indices[i]);
   double shaded = 0.0, sent = 0.0;
   for (int32_t l = 0; l < job->lattice->light_count; l++) {
     const fum_lamp *lamp = &job->lamps[l];
+    if (!fum_has_set(lamp->desc.light_sets, set->light_set)) continue;
+    const bool is_blocked = lamp->desc.casts_shadows != 0 && fum_has_set(lamp->desc.shadow_sets, set->shadow_set);
     const fum_emitter sample = fum_lamp_sample(lamp, 0);
     const fum_vec3 to_light = sample.is_directional ? sample.direction : fum_sub(lamp->position, at);
     const float lengths = fum_length(to_light) * fum_length(to_camera), *color = lamp->desc.intensity;
     const double strength = (double)(fum_emitter_irradiance(lamp, &sample, at) * (color[0] + color[1] + color[2]));
     const double cosine = lengths > 0.0F ? (double)(fum_dot(to_light, to_camera) / lengths) : 1.0;
     const double shade = fum_dust_shade((double)octree->optical_depths[i], cosine);
-    shaded += strength * (lamp->desc.casts_shadows != 0 ? shade : 1.0);
+    shaded += strength * (is_blocked ? shade : 1.0);
     sent += strength;
   }
   return sent > 0.0 ? shaded / sent : 1.0;

@@ -5,8 +5,9 @@
 
 #include "billboard/tile.h"
 
-/* Fills in what the job needs to know of the particles' looks. Fails when they have too many anisotropies. */
-int32_t fum_tiles_find_looks(const fum_scene *scene, float anisotropies[16], fum_tile_job *job);
+/* Fills in what the job needs to know of the particles' looks; `classes` are to live as long as the job. Fails when
+ * there are too many. */
+int32_t fum_tiles_find_looks(const fum_scene *scene, fum_tile_class classes[FUM_MAX_CLASSES], fum_tile_job *job);
 
 /* Finds splats' self_shade. */
 void fum_tiles_shade_dust(fum_context *context, fum_tile_job *job, fum_splats *splats);

@@ -100,6 +100,9 @@ enum {
   FUM_PASS_DEPTH_BACK = 9
 };
 
+/** Sets by which lights are linked to what they shine on and to what blocks them. */
+enum { FUM_LINK_SETS = 64 };
+
 typedef struct fum_context fum_context;
 typedef struct fum_scene fum_scene;
 
@@ -168,20 +171,23 @@ FUM_API void fum_scene_destroy(fum_scene *scene);
  */
 typedef struct fum_particles_desc {
   uint32_t struct_size;
-  float anisotropy;        /**< g of Henyey-Greenstein, above -1 and below 1; default 0 */
-  const char *name;        /**< for messages; NULL is "particles" */
-  int64_t count;           /**< 0 or more; at most 4294967294 over all sets of a scene */
-  const float *positions;  /**< [3 count] world space; required unless count is 0 */
-  const float *radii;      /**< [count] m; sigma = radius / 2 */
-  const float *densities;  /**< [count] peak extinction, 1/m */
-  const float *albedos;    /**< [3 count] single-scattering albedo, 0..1 */
-  const float *emissions;  /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
-  const float *velocities; /**< [3 count] m/s; for motion blur, not used by any pass yet */
-  const uint64_t *ids;     /**< [count] stable identity of each particle; default: 0, 1, 2... */
-  float radius;            /**< default 0.1 */
-  float density;           /**< default 1 */
-  float albedo[3];         /**< default 0.8 */
-  float emission[3];       /**< default 0 */
+  float anisotropy;          /**< g of Henyey-Greenstein, above -1 and below 1; default 0 */
+  const char *name;          /**< for messages; NULL is "particles" */
+  int64_t count;             /**< 0 or more; at most 4294967294 over all sets of a scene */
+  const float *positions;    /**< [3 count] world space; required unless count is 0 */
+  const float *radii;        /**< [count] m; sigma = radius / 2 */
+  const float *densities;    /**< [count] peak extinction, 1/m */
+  const float *albedos;      /**< [3 count] single-scattering albedo, 0..1 */
+  const float *emissions;    /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
+  const float *velocities;   /**< [3 count] m/s; for motion blur, not used by any pass yet */
+  const uint64_t *ids;       /**< [count] stable identity of each particle; default: 0, 1, 2... */
+  float radius;              /**< default 0.1 */
+  float density;             /**< default 1 */
+  float albedo[3];           /**< default 0.8 */
+  float emission[3];         /**< default 0 */
+  int32_t light_set;         /**< a light shines on them if its light_sets hold this set, 0..63; default 0 */
+  int32_t shadow_set;        /**< they block a light if its shadow_sets hold this set, 0..63; default 0 */
+  int32_t visible_to_camera; /**< 0: they aren't drawn, but block light all the same; default 1 */
 } fum_particles_desc;
 
 FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
@@ -197,6 +203,8 @@ typedef struct fum_mesh_desc {
   const float *vertices;       /**< [3 vertex_count], local space, finite */
   const uint32_t *triangles;   /**< [3 triangle_count], indices below vertex_count */
   double world_from_local[16]; /**< default identity */
+  int32_t light_set;           /**< as of particles; for passes of light on solids */
+  int32_t shadow_set;          /**< as of particles */
 } fum_mesh_desc;
 
 enum {
@@ -228,6 +236,8 @@ typedef struct fum_light_desc {
   float area_size[2];          /**< area: full width and height along local X and Y, m, scale included; default 1, 1 */
   float area_spread;           /**< area: full angle that light spreads over, above 0 and at most pi; default pi */
   int32_t casts_shadows;       /**< 0: neither solids nor smoke block it; default 1 */
+  uint64_t light_sets;         /**< bit s: it shines on particles and meshes whose light_set is s; default all */
+  uint64_t shadow_sets;        /**< bit s: particles and meshes whose shadow_set is s block it; default all */
 } fum_light_desc;
 
 FUM_API void fum_light_desc_init(fum_light_desc *desc);
@@ -337,6 +347,7 @@ FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum
 
 /**
  * Share of a light that reaches points through smoke and past solids, 0..1; a soft light's sample points are averaged.
+ * Points are in no set: every light shines on them, and is blocked by its own shadow_sets.
  * `positions` [3 count] world space, `out_transmittance` [count].
  */
 FUM_API int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,

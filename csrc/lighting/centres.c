@@ -46,7 +46,7 @@ bool fum_centres_suffice(const fum_scene *scene, const fum_octree *octree, const
     return false;
   for (int32_t l = 0; l < scene->light_count; l++) {
     const fum_lamp *lamp = &lamps[l];
-    if (lamp->desc.type == FUM_LIGHT_SUN) continue;
+    if (lamp->desc.type == FUM_LIGHT_SUN || !lamp->lights_smoke) continue;
     if (lamp->desc.type != FUM_LIGHT_POINT) return false;
     const double at[3] = {(double)lamp->position.x, (double)lamp->position.y, (double)lamp->position.z};
     /* Strength falls with the square of the distance. Seen across a particle that is far from its neighbours, a quarter

@@ -21,6 +21,7 @@ typedef struct fum_lamp {
   fum_vec3 right, up, back; /* unit axes of the light */
   fum_vec3 spot_rows[3];    /* the spot's own coordinates of a direction, scale included */
   int32_t sample_count;
+  bool lights_smoke; /* shines on any that the camera sees; set by fum_lamps_find */
 } fum_lamp;
 
 /* `bounds` is the box of all receivers, lower then upper, in local space: a soft light that looks small from everywhere

@@ -47,7 +47,7 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
           fum_emitter_irradiance(lamp, emitter, w.point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
     if (strength > 0.0F && lamp->desc.casts_shadows != 0 &&
-        fum_solids_occlude(g->solids, ray_start(g, i, w.point), w.direction, w.length)) {
+        fum_solids_occlude(g->solids, lamp->desc.shadow_sets, ray_start(g, i, w.point), w.direction, w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }
     out_strengths[i] = strength;
@@ -58,8 +58,10 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
 /* Optical depth to a sample of a light. */
 static int32_t find_depths(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter,
                            const uint8_t *is_lit, const float progress[2], float *depths) {
-  if (lamp->desc.casts_shadows != 0)
-    return fum_solver_solve(g->context, g->solver, g->medium, g->receivers, emitter, is_lit, progress, depths);
+  if (lamp->desc.casts_shadows != 0) {
+    fum_medium *medium = &g->media->items[fum_media_find(g->media, lamp)];
+    return fum_solver_solve(g->context, g->solver, medium, g->receivers, emitter, is_lit, progress, depths);
+  }
   memset(depths, 0, (size_t)g->receivers->octree->count * sizeof *depths);
   return FUM_OK;
 }
@@ -160,8 +162,8 @@ static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_e
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
-    const bool is_blocked =
-        lamp->desc.casts_shadows != 0 && fum_solids_occlude(g->solids, w.point, w.direction, w.length);
+    const bool is_blocked = lamp->desc.casts_shadows != 0 &&
+                            fum_solids_occlude(g->solids, lamp->desc.shadow_sets, w.point, w.direction, w.length);
     if (s->unblocked != NULL && !is_blocked) s->unblocked[i] += arriving;
   }
 }

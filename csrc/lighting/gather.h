@@ -3,6 +3,7 @@
 #ifndef FUM_LIGHTING_GATHER_H
 #define FUM_LIGHTING_GATHER_H
 
+#include "lighting/media.h"
 #include "lighting/solver.h"
 #include "solid/solid.h"
 
@@ -27,7 +28,7 @@ fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point)
 typedef struct fum_gathering {
   fum_context *context;
   fum_solver *solver;
-  fum_medium *medium;
+  const fum_media *media;
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */
   const fum_receivers *receivers;

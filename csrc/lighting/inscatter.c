@@ -10,6 +10,7 @@ float fum_phase(float anisotropy, float cosine) {
 
 /* Who looks at which particles. */
 typedef struct viewer {
+  uint64_t light_sets; /* of the light */
   const fum_scene *scene;
   const fum_octree *octree;
   const fum_viewpoint *viewpoint;
@@ -18,11 +19,21 @@ typedef struct viewer {
 static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
   const viewer *v = user;
   const fum_octree *octree = v->octree;
-  const float anisotropy = fum_scene_particles_of(v->scene, octree->indices[receiver])->anisotropy;
+  const fum_particles *set = fum_scene_particles_of(v->scene, octree->indices[receiver]);
+  const float anisotropy = set->anisotropy;
+  if (!fum_has_set(v->light_sets, set->light_set)) return 0.0F;
   if (anisotropy == 0.0F) return fum_phase(0.0F, 0.0F);
   const fum_vec3 point = {octree->x[receiver], octree->y[receiver], octree->z[receiver]};
   const fum_vec3 to_camera = fum_direction_to_viewer(v->viewpoint, point);
   return fum_phase(anisotropy, -fum_dot(to_light, to_camera));
+}
+
+static bool lights_smoke(const fum_scene *scene, const fum_light_desc *light) {
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+    if (set->count > 0 && set->is_visible_to_camera && fum_has_set(light->light_sets, set->light_set)) return true;
+  }
+  return false;
 }
 
 int32_t fum_lamps_find(const fum_scene *scene, const fum_octree *receivers, int32_t max_samples, fum_lamp **out_lamps) {
@@ -36,6 +47,7 @@ int32_t fum_lamps_find(const fum_scene *scene, const fum_octree *receivers, int3
   }
   for (int32_t i = 0; i < scene->light_count; i++) {
     fum_lamp_init(&scene->lights[i].desc, receivers->origin, bounds, max_samples, &lamps[i]);
+    lamps[i].lights_smoke = lights_smoke(scene, &lamps[i].desc);
   }
   *out_lamps = lamps;
   return FUM_OK;
@@ -45,7 +57,7 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
                       const fum_viewpoint *viewpoint, float *out_light) {
   fum_context *context = scene->context;
   const fum_octree *octree = gathering->receivers->octree;
-  const viewer who = {scene, octree, viewpoint};
+  viewer who = {0, scene, octree, viewpoint};
   fum_gathering g = *gathering;
   g.response = respond;
   g.response_user = &who;
@@ -59,7 +71,8 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
     const float *color = lamps[light].desc.intensity;
     const float from = (float)samples_done / (float)total_samples;
     samples_done += lamps[light].sample_count;
-    if (color[0] <= 0.0F && color[1] <= 0.0F && color[2] <= 0.0F) continue;
+    if (!lamps[light].lights_smoke || (color[0] <= 0.0F && color[1] <= 0.0F && color[2] <= 0.0F)) continue;
+    who.light_sets = lamps[light].desc.light_sets;
     memset(factors, 0, (size_t)octree->count * sizeof *factors);
     status = fum_gather_light(&g, &lamps[light], (float[2]){from, (float)samples_done / (float)total_samples}, factors);
     if (status != FUM_OK) break;

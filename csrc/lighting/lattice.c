@@ -119,6 +119,7 @@ static int32_t light_points(const fum_gathering *g, const fum_octree *points, co
   for (int32_t l = 0; l < lattice->light_count && status == FUM_OK; l++) {
     const float from = (float)done_samples / (float)total;
     done_samples += lamps[l].sample_count;
+    if (!lamps[l].lights_smoke) continue;
     status = fum_gather_depths(g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
     if (status != FUM_OK) break;
     const int64_t base_index = l * lattice->sample_count;
@@ -152,7 +153,7 @@ static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
 int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
                           int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice) {
   fum_context *context = gathering->context;
-  const double *origin = gathering->medium->octree->origin;
+  const double *origin = gathering->media->items[0].octree->origin;
   fum_gathering g = *gathering;
   fum_receivers receivers = {0};
   fum_octree *points = NULL;

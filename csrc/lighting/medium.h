@@ -10,6 +10,7 @@
 enum { FUM_PACKET_SIZE = 256 };
 
 typedef struct fum_medium {
+  uint64_t sets;            /* shadow_sets of the particles */
   const fum_octree *octree; /* of the particles */
   fum_octree *merged;       /* of fewer, which do as well; NULL: there are none */
   float sigma_scale;        /* intersection test size */

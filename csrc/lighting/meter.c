@@ -26,15 +26,24 @@ static int32_t begin(fum_context *context, const fum_meter_options *options, int
   *meter = (fum_meter){.context = context,
                        .lamp_count = options->lamp_count,
                        .lamps = options->lamps,
+                       .media = options->media,
                        .dark = fum_truth_dark(options->error)};
   const int64_t values = count * options->lamp_count;
-  const double cutoff = fum_truth_cutoff(options->medium, options->error);
-  int32_t status = fum_truth_begin(context, options->medium, cutoff, &meter->truth);
+  const int32_t media = options->media->count;
+  int32_t status = fum_alloc(context, media, sizeof *meter->truths, "meter", &meter->truths);
+  for (int32_t k = 0; k < media && status == FUM_OK; k++) {
+    const fum_medium *medium = &options->media->items[k];
+    status = fum_truth_begin(context, medium, fum_truth_cutoff(medium, options->error), &meter->truths[k]);
+  }
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *meter->points, "meter", &meter->points);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->exact, "meter", &meter->exact);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->found, "meter", &meter->found);
   if (status == FUM_OK) status = fum_alloc(context, values, sizeof *meter->sent, "meter", &meter->sent);
   return status;
+}
+
+static int32_t light_set_of(const fum_meter_options *options, int64_t receiver) {
+  return fum_scene_particles_of(options->scene, options->octree->indices[receiver])->light_set;
 }
 
 int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options *options, fum_meter *out_meter) {
@@ -50,7 +59,8 @@ int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options 
   for (int64_t n = 0; n < count; n++) {
     const int64_t i = choose(n, count, octree->count);
     meter.points[n] = (fum_meter_point){.position = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]},
-                                        .receiver = (uint32_t)i};
+                                        .receiver = (uint32_t)i,
+                                        .light_set = light_set_of(options, i)};
   }
   meter.count = count;
   meter.seconds = fum_now_s() - start_s;
@@ -189,10 +199,11 @@ static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter
   const fum_vec3 place = {(float)point->position[0], (float)point->position[1], (float)point->position[2]};
   const double sent = (double)fum_emitter_irradiance(lamp, sample, place);
   const int64_t i = (lamp - meter->lamps) * meter->count + n;
-  if (!(sent > 0.0)) return;
+  if (!(sent > 0.0) || !fum_has_set(lamp->desc.light_sets, point->light_set)) return;
   meter->sent[i] += sent;
   const bool casts_shadows = lamp->desc.casts_shadows != 0;
-  const double depth = casts_shadows ? fum_truth_depth(&meter->truth, point->position, sample, meter->dark) : 0.0;
+  const fum_truth *truth = &meter->truths[fum_media_find(meter->media, lamp)];
+  const double depth = casts_shadows ? fum_truth_depth(truth, point->position, sample, meter->dark) : 0.0;
   meter->exact[i] += sent * exp(-depth);
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
 }
@@ -229,6 +240,8 @@ int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *op
   status = begin_search(context, s);
   if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
   if (status != FUM_OK) goto done;
+  for (int64_t n = 0; n < meter.count; n++)
+    meter.points[n].light_set = light_set_of(options, meter.points[n].receiver);
   meter.seconds = fum_now_s() - start_s;
   *out_meter = meter;
   meter = (fum_meter){0};
@@ -241,7 +254,9 @@ done:
 
 void fum_meter_end(fum_meter *meter) {
   if (meter->context == NULL) return;
-  fum_truth_end(meter->context, &meter->truth);
+  for (int32_t k = 0; meter->truths != NULL && k < meter->media->count; k++)
+    fum_truth_end(meter->context, &meter->truths[k]);
+  fum_free(meter->context, &meter->truths);
   fum_free(meter->context, &meter->points);
   fum_free(meter->context, &meter->exact);
   fum_free(meter->context, &meter->found);

@@ -16,7 +16,8 @@ typedef struct fum_accuracy {
 /* A point at which transmittances are compared. */
 typedef struct fum_meter_point {
   double position[3];      /* local space */
-  uint32_t receiver;       /* in the octree's order, the particle that it is in */
+  uint32_t receiver;       /* in the octree's order, the particle that it is in... */
+  int32_t light_set;       /* ...and what that is lit by */
   double window[2], range; /* of a point on a pixel's ray */
 } fum_meter_point;
 
@@ -24,9 +25,10 @@ typedef struct fum_meter_point {
 typedef struct fum_meter {
   fum_context *context;
   int32_t lamp_count;
-  const fum_lamp *lamps; /* borrowed */
-  fum_truth truth;
-  double dark; /* optical depth at which the truth may give up */
+  const fum_lamp *lamps;  /* borrowed */
+  const fum_media *media; /* borrowed */
+  fum_truth *truths;      /* [media->count] */
+  double dark;            /* optical depth at which the truth may give up */
   int64_t count;
   fum_meter_point *points; /* [count] */
   double *exact, *found;   /* [lamp_count][count] what arrives past smoke... */
@@ -36,8 +38,9 @@ typedef struct fum_meter {
 
 /* What the meter is told about a render. `error` of the transmittance is small against the errors to be found. */
 typedef struct fum_meter_options {
+  const fum_scene *scene;
   const fum_octree *octree; /* of the particles that points are chosen at */
-  const fum_medium *medium;
+  const fum_media *media;
   int32_t lamp_count;
   const fum_lamp *lamps;
   double error;

@@ -247,11 +247,18 @@ static bool is_chosen(const fum_scene *scene, const fum_particles *set, int64_t 
   return share >= 1.0F || fum_hash_unit(fum_particle_identity(scene, set, i)) < (double)share;
 }
 
-static int64_t count_chosen(const fum_scene *scene, float share) {
-  int64_t count = share >= 1.0F ? scene->particle_count : 0;
-  for (int32_t s = 0; share < 1.0F && s < scene->particles_count; s++) {
+static bool takes(const fum_octree_options *options, int32_t set) {
+  return options->takes == NULL || options->takes[set];
+}
+
+static int64_t count_chosen(const fum_scene *scene, const fum_octree_options *options) {
+  const float share = options->subsampling;
+  int64_t count = 0;
+  for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
-    for (int64_t i = 0; i < set->count; i++)
+    if (!takes(options, s)) continue;
+    if (share >= 1.0F) count += set->count;
+    for (int64_t i = 0; share < 1.0F && i < set->count; i++)
       count += is_chosen(scene, set, i, share);
   }
   return count;
@@ -274,21 +281,26 @@ static void choose(const fum_scene *scene, const fum_particles *set, int64_t i, 
   out->indices[at] = (uint32_t)(set->offset + i);
 }
 
-static void collect_all(const fum_scene *scene, const chosen *out) {
+static void collect_all(const fum_scene *scene, const fum_octree_options *options, const chosen *out) {
+  int64_t first = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
+    if (!takes(options, s)) continue;
 #pragma omp parallel for num_threads(fum_thread_count(scene->context)) schedule(static)
     for (int64_t i = 0; i < set->count; i++) {
       if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) continue;
-      choose(scene, set, i, 1.0F, out, set->offset + i);
+      choose(scene, set, i, 1.0F, out, first + i);
     }
+    first += set->count;
   }
 }
 
-static void collect_share(const fum_scene *scene, float share, const chosen *out) {
+static void collect_share(const fum_scene *scene, const fum_octree_options *options, const chosen *out) {
+  const float share = options->subsampling;
   int64_t n = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
+    if (!takes(options, s)) continue;
     for (int64_t i = 0; i < set->count; i++) {
       if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) return;
       if (is_chosen(scene, set, i, share)) choose(scene, set, i, share, out, n++);
@@ -310,7 +322,7 @@ static void fill_densities(fum_context *context, const chosen *from, fum_octree 
 
 int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *options, fum_octree **out_octree) {
   fum_context *context = scene->context;
-  const int64_t count = count_chosen(scene, options->subsampling);
+  const int64_t count = count_chosen(scene, options);
   chosen all = {0};
   fum_octree *octree = NULL;
   int32_t status = fum_octree_create(context, scene->origin, count, true, &octree);
@@ -321,9 +333,9 @@ int32_t fum_octree_build(const fum_scene *scene, const fum_octree_options *optio
   status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Collecting particles");
   if (status != FUM_OK) goto done;
   if (options->subsampling >= 1.0F) {
-    collect_all(scene, &all);
+    collect_all(scene, options, &all);
   } else {
-    collect_share(scene, options->subsampling, &all);
+    collect_share(scene, options, &all);
   }
   const unsorted points = {count, all.positions};
   status = build(context, &points, options->leaf_size, octree);

@@ -31,6 +31,7 @@ typedef struct fum_octree {
 typedef struct fum_octree_options {
   int32_t leaf_size;
   float subsampling; /* share of the particles that go in, chosen by identity; their density is divided by it */
+  const bool *takes; /* [sets of particles] which sets go in; NULL: all */
 } fum_octree_options;
 
 /* Octree of the scene's particles; indices are scene indices. */

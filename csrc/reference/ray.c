@@ -75,11 +75,14 @@ static void add_shine(void *user, const fum_shine *shine) {
   const double *p = s->position, *u = shine->direction;
   const fum_vec3 from = {(float)p[0], (float)p[1], (float)p[2]}, towards = {(float)u[0], (float)u[1], (float)u[2]};
   const bool casts_shadows = s->light->casts_shadows != 0;
-  if (casts_shadows && fum_solids_occlude(world->solids, from, towards, (float)shine->distance)) return;
+  if (casts_shadows && fum_solids_occlude(world->solids, s->light->shadow_sets, from, towards, (float)shine->distance))
+    return;
   const fum_way way = {{p[0], p[1], p[2]}, {u[0], u[1], u[2]}, shine->distance};
-  const double arrives = shine->strength * (casts_shadows ? exp(-fum_smoke_depth(world->smoke, &way)) : 1.0);
+  const double arrives =
+      shine->strength * (casts_shadows ? exp(-fum_smoke_depth(world->smoke, &way, s->light->shadow_sets)) : 1.0);
   const double cosine = dot(s->ray->way.direction, u);
   for (int32_t set = 0; set < scene->particles_count; set++) {
+    if ((s->light->light_sets >> scene->particles[set].light_set & 1U) == 0) continue;
     const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
     for (int c = 0; c < 3; c++)
       s->radiance[c] += factor * (double)s->light->intensity[c] * s->ray->scattering[3 * set + c];

@@ -171,12 +171,13 @@ static inline bool pass(const fum_gaussian *g, const fum_way *way, double *out_a
   return squared < g->cut * g->cut;
 }
 
-double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way) {
+double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets) {
   double depth = 0.0, s, squared;
   for (int64_t c = 0; c < smoke->cell_count && depth < FUM_DARK_DEPTH; c++) {
     if (!is_cell_near(&smoke->cells[c], way)) continue;
     for (int64_t i = smoke->cells[c].begin; i < smoke->cells[c].end; i++) {
       const fum_gaussian *g = &smoke->gaussians[i];
+      if ((shadow_sets >> smoke->scene->particles[g->set].shadow_set & 1U) == 0) continue;
       if (!pass(g, way, &s, &squared)) continue;
       const double density = g->density * exp(-0.5 * squared / (g->sigma * g->sigma));
       depth += density * fum_gaussian_integral(g->sigma, -s, way->length - s);
@@ -219,6 +220,7 @@ bool fum_smoke_listen(const fum_smoke *smoke, const fum_way *way, fum_heard_list
     if (!is_cell_near(&smoke->cells[c], way)) continue;
     for (int64_t i = smoke->cells[c].begin; i < smoke->cells[c].end; i++) {
       const fum_gaussian *g = &smoke->gaussians[i];
+      if (!smoke->scene->particles[g->set].is_visible_to_camera) continue;
       if (pass(g, way, &s, &squared) && !append(smoke, g, s, squared, list)) return false;
     }
   }

@@ -60,13 +60,14 @@ void fum_smoke_free(fum_smoke *smoke);
 /* Integral of the unit Gaussian exp(-t^2 / (2 sigma^2)) from a to b, by erfc so that tails don't cancel. */
 double fum_gaussian_integral(double sigma, double a, double b);
 
-/* Optical depth along the way by the closed form. Ends early beyond FUM_DARK_DEPTH. */
-double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way);
+/* Optical depth, along a way to a light, of the particles in `shadow_sets`, by the closed form. Ends early beyond
+ * FUM_DARK_DEPTH. */
+double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets);
 
 /* Nothing is seen through this optical depth. */
 #define FUM_DARK_DEPTH 100.0
 
-/* Fills the list; false without memory. */
+/* Fills the list with what the camera sees; false without memory. */
 bool fum_smoke_listen(const fum_smoke *smoke, const fum_way *way, fum_heard_list *list);
 
 #endif

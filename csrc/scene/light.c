@@ -12,7 +12,9 @@ void fum_light_desc_init(fum_light_desc *desc) {
                            .spot_blend = 0.15F,
                            .area_size = {1.0F, 1.0F},
                            .area_spread = (float)FUM_PI,
-                           .casts_shadows = 1};
+                           .casts_shadows = 1,
+                           .light_sets = UINT64_MAX,
+                           .shadow_sets = UINT64_MAX};
   for (int i = 0; i < 4; i++)
     desc->world_from_light[5 * i] = 1.0;
 }
@@ -89,6 +91,14 @@ int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
   scene->lights[scene->light_count] = (fum_light){.name = copy, .desc = *desc};
   scene->lights[scene->light_count++].desc.name = NULL;
   return FUM_OK;
+}
+
+bool fum_scene_is_lit_alike(const fum_scene *scene, int32_t a, int32_t b) {
+  for (int32_t i = 0; i < scene->light_count && a != b; i++) {
+    const uint64_t sets = scene->lights[i].desc.light_sets;
+    if (fum_has_set(sets, a) != fum_has_set(sets, b)) return false;
+  }
+  return true;
 }
 
 void fum_scene_clear_lights(fum_scene *scene) {

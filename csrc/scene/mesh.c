@@ -39,7 +39,8 @@ static int32_t check_desc(fum_context *context, const fum_mesh_desc *d, const ch
   if (!fum_all_finite(d->world_from_local, 16)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix is not finite", name);
   }
-  return check_arrays(context, d, name);
+  const int32_t status = fum_check_link_sets(context, name, d->light_set, d->shadow_set);
+  return status == FUM_OK ? check_arrays(context, d, name) : status;
 }
 
 static void free_mesh(fum_context *context, fum_mesh *mesh) {
@@ -73,8 +74,11 @@ int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "mesh: the description has no valid struct_size");
   }
   const char *name = desc->name != NULL ? desc->name : "mesh";
-  fum_mesh mesh = {
-      .visibility = desc->visibility, .vertex_count = desc->vertex_count, .triangle_count = desc->triangle_count};
+  fum_mesh mesh = {.visibility = desc->visibility,
+                   .vertex_count = desc->vertex_count,
+                   .triangle_count = desc->triangle_count,
+                   .light_set = desc->light_set,
+                   .shadow_set = desc->shadow_set};
   memcpy(mesh.world_from_local, desc->world_from_local, sizeof mesh.world_from_local);
   int32_t status = check_desc(context, desc, name);
   if (status == FUM_OK) status = copy_mesh(context, desc, name, &mesh);

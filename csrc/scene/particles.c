@@ -10,8 +10,11 @@
 static const int64_t MAX_PARTICLES = 4294967294;
 
 void fum_particles_desc_init(fum_particles_desc *desc) {
-  *desc =
-      (fum_particles_desc){.struct_size = sizeof *desc, .radius = 0.1F, .density = 1.0F, .albedo = {0.8F, 0.8F, 0.8F}};
+  *desc = (fum_particles_desc){.struct_size = sizeof *desc,
+                               .radius = 0.1F,
+                               .density = 1.0F,
+                               .albedo = {0.8F, 0.8F, 0.8F},
+                               .visible_to_camera = 1};
 }
 
 static bool is_extensive(float value) {
@@ -57,7 +60,7 @@ static int32_t check_desc(fum_context *context, const fum_particles_desc *d, con
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: emission %g %g %g is negative or not finite", name,
                     (double)d->emission[0], (double)d->emission[1], (double)d->emission[2]);
   }
-  return FUM_OK;
+  return fum_check_link_sets(context, name, d->light_set, d->shadow_set);
 }
 
 /* Why particles are dropped, with the first culprit, for one warning. */
@@ -198,7 +201,11 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   uint32_t *chosen = NULL;
   int64_t count = 0;
   drop_report report = {0};
-  fum_particles set = {.offset = scene->particle_count, .anisotropy = desc->anisotropy};
+  fum_particles set = {.offset = scene->particle_count,
+                       .anisotropy = desc->anisotropy,
+                       .light_set = desc->light_set,
+                       .shadow_set = desc->shadow_set,
+                       .is_visible_to_camera = desc->visible_to_camera != 0};
   memcpy(set.albedo, desc->albedo, sizeof set.albedo);
   memcpy(set.emission, desc->emission, sizeof set.emission);
   if (is_tidy(context, desc)) {

@@ -17,6 +17,8 @@ typedef struct fum_particles {
   float *albedos, *emissions, *velocities; /* [3 count] or NULL */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
   float albedo[3], emission[3];
+  int32_t light_set, shadow_set;
+  bool is_visible_to_camera;
 } fum_particles;
 
 typedef struct fum_mesh {
@@ -26,6 +28,7 @@ typedef struct fum_mesh {
   float *vertices;     /* [3 vertex_count] local space */
   uint32_t *triangles; /* [3 triangle_count] */
   double world_from_local[16];
+  int32_t light_set, shadow_set;
 } fum_mesh;
 
 typedef struct fum_light {
@@ -45,6 +48,16 @@ struct fum_scene {
   double origin[3];          /* what is built from the scene lives in coordinates relative to this point... */
   struct fum_caches *caches; /* ...and is kept here by api/, until particles or meshes change */
 };
+
+/* Is this light_set or shadow_set among those of a light? */
+static inline bool fum_has_set(uint64_t sets, int32_t set) {
+  return (sets >> set & 1U) != 0;
+}
+
+int32_t fum_check_link_sets(fum_context *context, const char *name, int32_t light_set, int32_t shadow_set);
+
+/* Do the same lights shine on two light_sets? */
+bool fum_scene_is_lit_alike(const fum_scene *scene, int32_t a, int32_t b);
 
 /* Set of the particle with this scene index. */
 const fum_particles *fum_scene_particles_of(const fum_scene *scene, int64_t index);

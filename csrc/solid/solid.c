@@ -9,8 +9,9 @@
 
 struct fum_solids {
   RTCDevice device;
-  RTCScene shadow; /* NULL: no mesh casts shadows */
-  RTCScene camera; /* NULL: the camera sees no mesh */
+  RTCScene shadow;      /* NULL: no mesh casts shadows */
+  uint64_t shadow_sets; /* of its meshes */
+  RTCScene camera;      /* NULL: the camera sees no mesh */
 };
 
 /* Embree calls this on whatever thread fails; the first message is kept. */
@@ -73,8 +74,13 @@ static int32_t add_mesh(const fum_scene *scene, int32_t index, fum_solids *solid
   }
   transform_vertices(scene, mesh, vertices);
   memcpy(triangles, mesh->triangles, (size_t)mesh->triangle_count * 3 * sizeof *triangles);
+  /* Stays in place as long as the hierarchies. */
+  rtcSetGeometryUserData(geometry, (void *)mesh);
   rtcCommitGeometry(geometry);
-  if ((mesh->visibility & FUM_VISIBLE_TO_SHADOW) != 0) attach(solids->device, &solids->shadow, geometry, index);
+  if ((mesh->visibility & FUM_VISIBLE_TO_SHADOW) != 0) {
+    attach(solids->device, &solids->shadow, geometry, index);
+    solids->shadow_sets |= UINT64_C(1) << mesh->shadow_set;
+  }
   if ((mesh->visibility & FUM_VISIBLE_TO_CAMERA) != 0) attach(solids->device, &solids->camera, geometry, index);
   rtcReleaseGeometry(geometry);
   return FUM_OK;
@@ -123,6 +129,8 @@ int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
     if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Building meshes");
   }
   if (status != FUM_OK) goto done;
+  const bool has_sets = (solids->shadow_sets & (solids->shadow_sets - 1)) != 0;
+  if (has_sets) rtcSetSceneFlags(solids->shadow, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
   commit(context, solids->shadow);
   commit(context, solids->camera);
   rtcSetDeviceErrorFunction(solids->device, NULL, NULL);
@@ -159,12 +167,26 @@ static struct RTCRay make_ray(fum_vec3 origin, fum_vec3 direction, float near, f
                          .mask = 0xffffffffU};
 }
 
-bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float length) {
-  if (solids == NULL || solids->shadow == NULL) return false;
-  struct RTCIntersectContext how;
-  rtcInitIntersectContext(&how);
+/* A ray that some meshes don't block. */
+typedef struct linked_context {
+  struct RTCIntersectContext context; /* first, so that Embree's pointer is one to both */
+  uint64_t blockers;
+} linked_context;
+
+static void let_through(const struct RTCFilterFunctionNArguments *arguments) {
+  const fum_mesh *mesh = arguments->geometryUserPtr;
+  const linked_context *how = (const linked_context *)(const void *)arguments->context;
+  if (!fum_has_set(how->blockers, mesh->shadow_set)) arguments->valid[0] = 0;
+}
+
+bool fum_solids_occlude(const fum_solids *solids, uint64_t blockers, fum_vec3 origin, fum_vec3 direction,
+                        float length) {
+  if (solids == NULL || (solids->shadow_sets & blockers) == 0) return false;
+  linked_context how = {.blockers = blockers};
+  rtcInitIntersectContext(&how.context);
+  if ((solids->shadow_sets & ~blockers) != 0) how.context.filter = let_through;
   struct RTCRay ray = make_ray(origin, direction, 0.0F, length);
-  rtcOccluded1(solids->shadow, &how, &ray);
+  rtcOccluded1(solids->shadow, &how.context, &ray);
   return ray.tfar < 0.0F;
 }
 

@@ -19,8 +19,9 @@ void fum_solids_embree_version(char out_version[32]);
 int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids);
 void fum_solids_destroy(fum_solids *solids);
 
-/* Is there a mesh that casts shadows between origin and origin + length direction? NULL solids hide nothing. */
-bool fum_solids_occlude(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float length);
+/* Is there a mesh that casts shadows, and whose shadow_set is among `blockers`, between origin and origin + length
+ * direction? NULL solids hide nothing. */
+bool fum_solids_occlude(const fum_solids *solids, uint64_t blockers, fum_vec3 origin, fum_vec3 direction, float length);
 
 bool fum_solids_hide_from_camera(const fum_solids *solids);
 

@@ -10,7 +10,7 @@ typedef struct smoke {
 
 static smoke smoke_open(const puffs *p, int32_t leaf_size, float error) {
   smoke s = {.stage = stage_open()};
-  const fum_octree_options options = {leaf_size, 1.0F};
+  const fum_octree_options options = {leaf_size, 1.0F, NULL};
   const fum_merge_options merging = {1.0F, 1.0F, error};
   add_puffs(s.stage.scene, p);
   fum_scene_find_origin(s.stage.scene);

@@ -28,7 +28,7 @@ static setup *open_setup(const puffs *p, float tolerance) {
   assert_int_equal(fum_caches_update(t->s.scene, &t->settings), FUM_OK);
   const fum_octree *all = t->s.scene->caches->all;
   assert_int_equal(fum_lighting_begin(t->s.scene, &t->settings, all, &t->lighting), FUM_OK);
-  t->options = (fum_meter_options){all, t->lighting.medium, 1, t->lighting.lamps, 1e-6};
+  t->options = (fum_meter_options){t->s.scene, all, t->lighting.media, 1, t->lighting.lamps, 1e-6};
   fum_camera camera;
   fum_camera_init(&camera);
   camera.world_from_camera[11] = 5.0;

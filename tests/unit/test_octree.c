@@ -6,7 +6,7 @@
 
 static fum_octree *build(stage *s, int32_t leaf_size) {
   fum_octree *octree = NULL;
-  const fum_octree_options options = {leaf_size, 1.0F};
+  const fum_octree_options options = {leaf_size, 1.0F, NULL};
   fum_scene_find_origin(s->scene);
   assert_int_equal(fum_octree_build(s->scene, &options, &octree), FUM_OK);
   return octree;
@@ -194,7 +194,7 @@ static void test_subsampling_keeps_the_mean(void **state) {
   const float shares[] = {0.5F, 0.1F, 0.01F};
   for (int k = 0; k < 3; k++) {
     fum_octree *octree = NULL, *again = NULL;
-    const fum_octree_options options = {64, shares[k]};
+    const fum_octree_options options = {64, shares[k], NULL};
     assert_int_equal(fum_octree_build(s.scene, &options, &octree), FUM_OK);
     assert_int_equal(fum_octree_build(s.scene, &options, &again), FUM_OK);
     assert_int_equal(octree->count, again->count);

@@ -140,7 +140,7 @@ static void test_depth_towards_lights_is_that_of_every_particle(void **state) {
     way.length = sqrt(length);
     for (int axis = 0; axis < 3; axis++)
       way.direction[axis] /= way.length;
-    assert_close(fum_smoke_depth(&smoke, &way), brute_depth(&p, from, to), 1e-10);
+    assert_close(fum_smoke_depth(&smoke, &way, UINT64_MAX), brute_depth(&p, from, to), 1e-10);
   }
   fum_smoke_free(&smoke);
   stage_close(&s);

@@ -23,7 +23,7 @@ typedef struct smoke {
 
 static smoke smoke_open(const puffs *p, int32_t leaf_size, float error) {
   smoke s = {.stage = stage_open()};
-  const fum_octree_options options = {leaf_size, 1.0F};
+  const fum_octree_options options = {leaf_size, 1.0F, NULL};
   add_puffs(s.stage.scene, p);
   fum_scene_find_origin(s.stage.scene);
   assert_int_equal(fum_octree_build(s.stage.scene, &options, &s.octree), FUM_OK);

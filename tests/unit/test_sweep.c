@@ -21,7 +21,7 @@ typedef struct setup {
 static setup *open_setup(puffs p) {
   setup *t = calloc(1, sizeof *t);
   assert_non_null(t);
-  const fum_octree_options options = {64, 1.0F};
+  const fum_octree_options options = {64, 1.0F, NULL};
   float positions[3 * POINTS];
   t->s = stage_open();
   t->p = p;

@@ -37,7 +37,7 @@ static void place_receivers(setup *t, const double light[3]) {
 static setup *open_setup(puffs p, int64_t count, const double light[3]) {
   setup *t = calloc(1, sizeof *t);
   assert_non_null(t);
-  const fum_octree_options options = {64, 1.0F};
+  const fum_octree_options options = {64, 1.0F, NULL};
   t->s = stage_open();
   t->p = p;
   t->count = count;

@@ -126,7 +126,7 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   fum_slabs slabs;
   fum_lattice lattice;
   fum_splats splats;
-  float anisotropies[16];
+  fum_tile_class classes[FUM_MAX_CLASSES];
   fum_settings_init(&settings);
   assert_int_equal(fum_view_init(context, camera, &view), FUM_OK);
   assert_int_equal(fum_caches_update(scene, &settings), FUM_OK);
@@ -134,7 +134,7 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   const fum_octree *all = scene->caches->all;
   fum_tile_job job = {
       .scene = scene, .octree = all, .view = &view, .slabs = &slabs, .splats = &splats, .lattice = &lattice};
-  assert_int_equal(fum_tiles_find_looks(scene, anisotropies, &job), FUM_OK);
+  assert_int_equal(fum_tiles_find_looks(scene, classes, &job), FUM_OK);
   assert_int_equal(fum_lighting_begin(scene, &settings, all, &lighting), FUM_OK);
   job.lamps = lighting.lamps;
   assert_int_equal(fum_slabs_find(context, all, &view, settings.tolerance, job.thinnest, &slabs), FUM_OK);
@@ -159,6 +159,7 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   fum_lattice_free(context, &lattice);
   fum_slabs_free(context, &slabs);
   fum_lighting_end(context, &lighting);
+  fum_free(context, &job.class_of);
 }
 
 /* With one look and with several and glow, near and far. */

@@ -74,7 +74,7 @@ static ray ray_to(const fum_emitter *e, const double from[3]) {
 static fum_octree *build(const stage *s, const puffs *p, int32_t leaf_size) {
   fum_octree *octree = NULL;
   add_puffs(s->scene, p);
-  const fum_octree_options options = {leaf_size, 1.0F};
+  const fum_octree_options options = {leaf_size, 1.0F, NULL};
   assert_int_equal(fum_octree_build(s->scene, &options, &octree), FUM_OK);
   return octree;
 }

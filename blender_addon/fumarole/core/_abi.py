@@ -42,6 +42,7 @@ FUM_PASS_LIGHT_SHADOW = 6
 FUM_PASS_OPACITY = 7
 FUM_PASS_DEPTH_FRONT = 8
 FUM_PASS_DEPTH_BACK = 9
+FUM_LINK_SETS = 64
 FUM_VISIBLE_TO_SHADOW = 1
 FUM_VISIBLE_TO_CAMERA = 2
 
@@ -83,6 +84,9 @@ class fum_particles_desc(ctypes.Structure):
         ("density", ctypes.c_float),
         ("albedo", ctypes.c_float * 3),
         ("emission", ctypes.c_float * 3),
+        ("light_set", ctypes.c_int32),
+        ("shadow_set", ctypes.c_int32),
+        ("visible_to_camera", ctypes.c_int32),
     ]
 
 
@@ -96,6 +100,8 @@ class fum_mesh_desc(ctypes.Structure):
         ("vertices", ctypes.POINTER(ctypes.c_float)),
         ("triangles", ctypes.POINTER(ctypes.c_uint32)),
         ("world_from_local", ctypes.c_double * 16),
+        ("light_set", ctypes.c_int32),
+        ("shadow_set", ctypes.c_int32),
     ]
 
 
@@ -115,6 +121,8 @@ class fum_light_desc(ctypes.Structure):
         ("area_size", ctypes.c_float * 2),
         ("area_spread", ctypes.c_float),
         ("casts_shadows", ctypes.c_int32),
+        ("light_sets", ctypes.c_uint64),
+        ("shadow_sets", ctypes.c_uint64),
     ]
 
 

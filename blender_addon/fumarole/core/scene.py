@@ -6,6 +6,7 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,9 @@ class Scene:
         ident: ArrayLike | None = None,
         anisotropy: float = 0.0,
         name: str = "particles",
+        light_set: int = 0,
+        shadow_set: int = 0,
+        visible_to_camera: bool = True,
     ) -> None:
         """Adds n particles, Gaussians of sigma = radius / 2. Arrays are copied; float32 ones without another copy.
 
@@ -80,6 +84,9 @@ class Scene:
         ident: (n,) integers from 0 on, a stable identity of each particle; default 0, 1, 2...
         anisotropy: g of the Henyey-Greenstein phase function, above -1 and below 1.
         name: for errors and warnings.
+        light_set: 0..63; lights whose `light_sets` hold it shine on the particles.
+        shadow_set: 0..63; lights whose `shadow_sets` hold it are blocked by the particles.
+        visible_to_camera: False: the particles aren't drawn, but block light all the same.
 
         Single particles with a value that is not finite or out of range are dropped, with a warning that counts them.
         Raises FumaroleError for wrong shapes and for numbers out of range.
@@ -90,6 +97,8 @@ class Scene:
         description.count = count
         _arrays.point(description, "positions", positions)
         description.anisotropy = _arrays.number(anisotropy, f"anisotropy of {name!r}")
+        _set_links(description, light_set, shadow_set, name)
+        description.visible_to_camera = bool(visible_to_camera)
         _set_numbers(description, "radius", "radii", radius, count, name)
         _set_numbers(description, "density", "densities", density, count, name)
         _set_colors(description, "albedo", "albedos", albedo, count, name)
@@ -114,12 +123,15 @@ class Scene:
         name: str = "mesh",
         visible_to_shadow: bool = True,
         visible_to_camera: bool = True,
+        light_set: int = 0,
+        shadow_set: int = 0,
     ) -> None:
         """Adds triangles that cast shadows on the smoke and hide it.
 
         vertices: (n, 3) local space, m, finite. triangles: (m, 3) integers below n.
         matrix: (4, 4) world from local, acting on columns; default identity.
         visible_to_shadow: casts shadows on smoke. visible_to_camera: hides the smoke behind it.
+        light_set, shadow_set: as of add_particles(); where light on solids is asked for, as by the pass Shadow.
         name: for errors. Raises FumaroleError.
         """
         corners = _arrays.rows(vertices, 3, f"vertices of {name!r}")
@@ -132,6 +144,7 @@ class Scene:
         description.vertex_count, description.triangle_count = len(corners), len(faces)
         _arrays.point(description, "vertices", corners)
         _arrays.point(description, "triangles", faces)
+        _set_links(description, light_set, shadow_set, name)
         description.world_from_local[:] = _arrays.matrix(matrix, f"matrix of {name!r}").ravel()
         description.visibility = _abi.FUM_VISIBLE_TO_SHADOW * bool(visible_to_shadow)
         description.visibility |= _abi.FUM_VISIBLE_TO_CAMERA * bool(visible_to_camera)
@@ -155,6 +168,8 @@ class Scene:
         normalize: bool = True,
         casts_shadows: bool = True,
         cycles: tuple[int, ...] = (5, 0),
+        light_sets: Iterable[int] | None = None,
+        shadow_sets: Iterable[int] | None = None,
     ) -> int:
         """Adds a light in Blender's units, as bright as Cycles of Blender version `cycles` makes it. Gives its index.
 
@@ -168,6 +183,8 @@ class Scene:
         spread: AREA: full angle that it shines over, radians, above 0 and at most pi.
         casts_shadows: False: neither solids nor smoke block it.
         normalize: False keeps the radiance when the light's size changes (Blender 4.5 on).
+        light_sets: sets of particles and meshes, each 0..63, that it shines on; None: all.
+        shadow_sets: sets of particles and meshes, each 0..63, that block it; None: all.
         name: for errors.
 
         Raises FumaroleError for values out of range.
@@ -177,6 +194,8 @@ class Scene:
         description = described(_abi.fum_light_desc, name)
         description.type = LIGHT_TYPES[type]
         description.casts_shadows = bool(casts_shadows)
+        description.light_sets = _mask(light_sets, f"light_sets of {name!r}")
+        description.shadow_sets = _mask(shadow_sets, f"shadow_sets of {name!r}")
         world = _arrays.matrix(matrix, f"matrix of {name!r}")
         watts = _arrays.number(power, f"power of {name!r}") * _arrays.triple(color, f"color of {name!r}")
         if type in ("POINT", "SPOT"):
@@ -220,6 +239,24 @@ class Scene:
 
     def __exit__(self, *_exception: object) -> None:
         self.close()
+
+
+def _set_links(description: Any, light_set: int, shadow_set: int, name: str) -> None:
+    description.light_set = _arrays.whole(light_set, f"light_set of {name!r}")
+    description.shadow_set = _arrays.whole(shadow_set, f"shadow_set of {name!r}")
+
+
+def _mask(sets: Iterable[int] | None, what: str) -> int:
+    """A bit for each set."""
+    if sets is None:
+        return (1 << _abi.FUM_LINK_SETS) - 1
+    result = 0
+    for value in sets:
+        number = _arrays.whole(value, what)
+        if not 0 <= number < _abi.FUM_LINK_SETS:
+            raise argument_error(f"{what} holds {number}, expected 0 to {_abi.FUM_LINK_SETS - 1}")
+        result |= 1 << number
+    return result
 
 
 def _destroy(handle: Any, _context: Context) -> None:
