@@ -104,8 +104,8 @@ static bool has_media(const fum_caches *caches, int32_t count, const uint64_t *c
   return are_same;
 }
 
-/* Octrees of what blocks the lights; those that are there already are kept. */
-static int32_t find_casters(fum_scene *scene, const fum_settings *settings) {
+/* Octrees of what blocks the lights; those that are there already are kept. `out_is_kept`: all of them. */
+static int32_t find_casters(fum_scene *scene, const fum_settings *settings, bool *out_is_kept) {
   fum_context *context = scene->context;
   fum_caches *caches = scene->caches;
   uint64_t *choices = malloc((size_t)(scene->light_count + 1) * sizeof *choices);
@@ -114,7 +114,8 @@ static int32_t find_casters(fum_scene *scene, const fum_settings *settings) {
   if (choices == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for the scene's caches");
   const uint64_t present = find_present(scene);
   const int32_t count = list_choices(scene, present, choices);
-  if (has_media(caches, count, choices)) goto done;
+  *out_is_kept = has_media(caches, count, choices);
+  if (*out_is_kept) goto done;
   new.casters = calloc((size_t)count, sizeof *new.casters);
   new.media = (fum_media){.present = present, .items = calloc((size_t)count, sizeof *new.media.items)};
   if (new.casters == NULL || new.media.items == NULL)
@@ -156,8 +157,9 @@ int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings) {
     caches->subsampling = settings->subsampling;
     status = build(scene, settings, 1.0F, is_seen, 0, &caches->all);
   }
-  if (status == FUM_OK) status = find_casters(scene, settings);
-  if (status == FUM_OK) caches->build_s = fum_now_s() - start_s;
+  bool is_kept = true;
+  if (status == FUM_OK) status = find_casters(scene, settings, &is_kept);
+  if (status == FUM_OK && !(is_current && is_kept)) caches->build_s = fum_now_s() - start_s;
 done:
   if (status != FUM_OK) fum_scene_drop_caches(scene);
   return status;

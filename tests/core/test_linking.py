@@ -291,3 +291,14 @@ def test_bad_sets_of_lights_are_refused_by_name(field: str) -> None:
     for sets, value in (([0, 64], "64"), ([-1], "-1")):
         with pytest.raises(core.FumaroleError, match=f"{field} of 'lamp' holds {value}, expected 0 to 63"):
             scene.add_light("POINT", name="lamp", **{field: sets})
+
+
+def test_what_is_built_again_for_other_lights() -> None:
+    """Nothing, unless a light is blocked by a choice of sets that no light was blocked by before."""
+    scene = build([BLOCKER, RECEIVER], [ABOVE])
+    built = []
+    for sets in (None, None, [0, 5], [0], [0]):
+        scene.clear_lights()
+        scene.add_light(**{"type": "POINT"} | ABOVE, shadow_sets=sets)
+        built.append(core.render(scene, camera(8), passes=["Combined"]).stats.build_s > 0)
+    assert built == [True, False, False, True, False]
