@@ -32,6 +32,8 @@ static const fum_abi_field abi_fields[] = {
     FIELD(fum_particles_desc, light_set),
     FIELD(fum_particles_desc, shadow_set),
     FIELD(fum_particles_desc, visible_to_camera),
+    FIELD(fum_particles_desc, extinction_colors),
+    FIELD(fum_particles_desc, extinction_color),
     STRUCT(fum_mesh_desc),
     FIELD(fum_mesh_desc, struct_size),
     FIELD(fum_mesh_desc, visibility),

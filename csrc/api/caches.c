@@ -24,8 +24,9 @@ static void drop_octrees(fum_context *context, fum_caches *caches) {
 void fum_scene_drop_caches(fum_scene *scene) {
   fum_caches *caches = scene->caches;
   if (caches == NULL) return;
+  fum_channels_free(scene->context, &caches->channels);
   drop_octrees(scene->context, caches);
-  fum_solids_destroy(caches->solids);
+  if (!caches->borrows_solids) fum_solids_destroy(caches->solids);
   free(caches);
   scene->caches = NULL;
 }

@@ -67,25 +67,22 @@ static int32_t check_points(fum_scene *scene, int32_t light, int64_t count, cons
   return FUM_OK;
 }
 
-/* Factors on the light's colour at points, in the caller's order. `normals` are used if `has_response`. */
+/* Factors on the light's colour at points of a scene whose caches are current, in the caller's order. `normals` are
+ * used if `has_response`. */
 static int32_t light_points(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
                             const float *positions, const float *normals, bool has_response, float *out_factors) {
   fum_context *context = scene->context;
   fum_octree *points = NULL;
   fum_lighting lighting = {0};
   float *factors = NULL, *local = NULL;
-  fum_settings checked;
-  fum_progress_begin(context);
-  int32_t status = fum_settings_check(context, settings, &checked);
-  if (status == FUM_OK) status = fum_caches_update(scene, &checked);
-  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *local, "points", &local);
+  int32_t status = fum_alloc(context, count, 3 * sizeof *local, "points", &local);
   for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++) {
     local[i] = (float)((double)positions[i] - scene->origin[i % 3]);
   }
   if (status == FUM_OK) {
     status = fum_octree_build_points(context, scene->origin, count, local, FUM_GROUP_SIZE, &points);
   }
-  if (status == FUM_OK) status = fum_lighting_begin(scene, &checked, points, &lighting);
+  if (status == FUM_OK) status = fum_lighting_begin(scene, settings, points, &lighting);
   if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status != FUM_OK) goto done;
@@ -106,11 +103,40 @@ done:
   return status;
 }
 
+/* The same for red, green and blue, [count][3]. */
+static int32_t light_channels(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
+                              const float *positions, const float *normals, bool has_response, float *out_factors) {
+  const fum_channels *channels = NULL;
+  float *factors = NULL;
+  fum_settings checked;
+  fum_progress_begin(scene->context);
+  int32_t status = fum_settings_check(scene->context, settings, &checked);
+  if (status == FUM_OK) status = fum_channels_update(scene, &checked, &channels);
+  if (status == FUM_OK) status = fum_alloc(scene->context, count, sizeof *factors, "points", &factors);
+  for (int32_t k = 0; status == FUM_OK && k < channels->count; k++) {
+    status = light_points(channels->scenes[k], &checked, light, count, positions, normals, has_response, factors);
+    for (int c = 0; c < 3; c++) {
+      for (int64_t i = 0; channels->of[c] == k && i < count; i++)
+        out_factors[3 * i + c] = factors[i];
+    }
+  }
+  fum_free(scene->context, &factors);
+  return status;
+}
+
 int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
                                 const float *positions, float *out_transmittance) {
-  const int32_t status = check_points(scene, light, count, positions, out_transmittance);
+  int32_t status = check_points(scene, light, count, positions, out_transmittance);
   if (status != FUM_OK) return status;
-  return light_points(scene, settings, light, count, positions, NULL, false, out_transmittance);
+  float *rgb = NULL;
+  status = fum_alloc(scene->context, count, 3 * sizeof *rgb, "points", &rgb);
+  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, NULL, false, rgb);
+  for (int64_t i = 0; status == FUM_OK && i < count; i++) {
+    const double sum = (double)rgb[3 * i] + (double)rgb[3 * i + 1] + (double)rgb[3 * i + 2];
+    out_transmittance[i] = (float)(sum / 3.0); /* of three equal floats exactly that float */
+  }
+  fum_free(scene->context, &rgb);
+  return status;
 }
 
 int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
@@ -124,12 +150,10 @@ int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int
     }
   }
   float *factors = NULL;
-  status = fum_alloc(context, count, sizeof *factors, "points", &factors);
-  if (status == FUM_OK) status = light_points(scene, settings, light, count, positions, normals, true, factors);
-  for (int64_t i = 0; status == FUM_OK && i < count; i++) {
-    for (int c = 0; c < 3; c++)
-      out_irradiance[3 * i + c] = scene->lights[light].desc.intensity[c] * factors[i];
-  }
+  status = fum_alloc(context, count, 3 * sizeof *factors, "points", &factors);
+  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, normals, true, factors);
+  for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++)
+    out_irradiance[i] = scene->lights[light].desc.intensity[i % 3] * factors[i];
   fum_free(context, &factors);
   return status;
 }

@@ -17,6 +17,11 @@ static int64_t pixel_count(const fum_rendering *r) {
   return (int64_t)r->view.width * r->view.height;
 }
 
+/* Has the pass red, green and blue? */
+static bool is_color(const fum_pass_info *info) {
+  return strcmp(info->kind, "COLOR") == 0;
+}
+
 static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted) {
   const fum_pass_info *info = fum_pass_find(wanted->pass);
   if (info == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)wanted->pass);
@@ -81,12 +86,16 @@ static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t light) {
   return fum_alloc(r->context, pixel_count(r), (size_t)info->channel_count * sizeof(float), what, place);
 }
 
+static int32_t allocate_lists(fum_rendering *r) {
+  const int32_t lights = r->scene->light_count;
+  const int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, "passes of lights", &r->lights);
+  if (status != FUM_OK) return status;
+  return fum_alloc(r->context, lights, sizeof *r->light_shadows, "passes of lights", &r->light_shadows);
+}
+
 /* What is asked for, and what that is made from. */
 static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
-  const int32_t lights = r->scene->light_count;
-  int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, "passes of lights", &r->lights);
-  if (status == FUM_OK)
-    status = fum_alloc(r->context, lights, sizeof *r->light_shadows, "passes of lights", &r->light_shadows);
+  int32_t status = allocate_lists(r);
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
     const int32_t pass = passes[i].pass;
     status = allocate_pass(r, pass, passes[i].light);
@@ -112,6 +121,29 @@ static void free_passes(fum_rendering *r) {
   fum_free(r->context, &r->depth_front);
   fum_free(r->context, &r->depth);
   fum_free(r->context, &r->combined);
+}
+
+/* Adds what one channel took; light is as far off as in the channel where it is farthest. */
+static void add_stats(const fum_render_stats *channel, fum_render_stats *stats) {
+  const bool is_worse = channel->accuracy_rms >= stats->accuracy_rms;
+  stats->light_sample_count = channel->light_sample_count;
+  if (stats->solver == FUM_SOLVER_AUTOMATIC || channel->solver == FUM_SOLVER_EXACT) stats->solver = channel->solver;
+  if (channel->drawn_count > stats->drawn_count) stats->drawn_count = channel->drawn_count;
+  if (channel->slab_count > stats->slab_count) stats->slab_count = channel->slab_count;
+  stats->light_s += channel->light_s;
+  stats->sort_s += channel->sort_s;
+  stats->draw_s += channel->draw_s;
+  stats->passes_s += channel->passes_s;
+  stats->meter_s += channel->meter_s;
+  memcpy(stats->device, channel->device, sizeof stats->device);
+  stats->light_points += channel->light_points;
+  stats->refinement_count += channel->refinement_count;
+  if (!is_worse) return;
+  stats->accuracy_count = channel->accuracy_count;
+  stats->accuracy_rms = channel->accuracy_rms;
+  stats->accuracy_p95 = channel->accuracy_p95;
+  stats->accuracy_worst = channel->accuracy_worst;
+  stats->accuracy_bias = channel->accuracy_bias;
 }
 
 static int32_t make_combined(fum_rendering *r) {
@@ -154,16 +186,67 @@ static bool needs_shadow(const fum_rendering *r) {
   return r->shadow != NULL;
 }
 
-/* Passes other than Combined and its parts. */
-static int32_t make_others(fum_rendering *r) {
+/* Passes in colour, by the extinction of the rendering's scene. */
+static int32_t make_colors(fum_rendering *r) {
+  int32_t status = r->combined != NULL ? make_combined(r) : FUM_OK;
   const double start_s = fum_now_s();
-  int32_t status = make_depths(r);
-  for (int64_t i = 0; i < pixel_count(r) && r->opacity != NULL; i++)
-    r->opacity[i] = r->combined[4 * i + 3];
-  if (status == FUM_OK && r->position != NULL) make_position(r);
   if (status == FUM_OK && needs_shadow(r)) status = fum_shadow_find(r);
   r->stats.passes_s = fum_now_s() - start_s;
   return status;
+}
+
+/* What is in the channels of a colour that are seen in scene `k`; alpha is the mean of the three. */
+static void take_color(const fum_channels *channels, int32_t k, int64_t pixels, int32_t width, const float *from,
+                       float *to) {
+  for (int c = 0; c < 3; c++) {
+    if (channels->of[c] != k) continue;
+    for (int64_t i = 0; i < pixels; i++) {
+      to[width * i + c] = from[width * i + c];
+      if (width == 4) to[width * i + 3] += from[width * i + 3] / 3.0F;
+    }
+  }
+}
+
+/* Passes in colour of `r` as one of the channels' scenes has them. */
+static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int32_t k) {
+  fum_rendering part = {
+      .context = r->context, .scene = channels->scenes[k], .settings = r->settings, .view = r->view, .solid = r->solid};
+  fum_pass_info info;
+  fum_render_stats_init(&part.stats);
+  int32_t status = allocate_lists(&part);
+  for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK; i++) {
+    for (int32_t l = 0; l < (info.of_light ? r->scene->light_count : 1) && status == FUM_OK; l++) {
+      if (is_color(&info) && *place_of(r, info.pass, l) != NULL) status = allocate_pass(&part, info.pass, l);
+    }
+  }
+  if (status == FUM_OK) status = make_colors(&part);
+  for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK && status == FUM_OK; i++) {
+    for (int32_t l = 0; l < (info.of_light ? r->scene->light_count : 1); l++) {
+      float *to = is_color(&info) ? *place_of(r, info.pass, l) : NULL;
+      if (to != NULL) take_color(channels, k, pixel_count(r), info.channel_count, *place_of(&part, info.pass, l), to);
+    }
+  }
+  add_stats(&part.stats, &r->stats);
+  free_passes(&part);
+  return status;
+}
+
+/* Passes that aren't colours, by the mean extinction. */
+static int32_t make_values(fum_rendering *r) {
+  const double start_s = fum_now_s();
+  const int32_t status = make_depths(r);
+  for (int64_t i = 0; i < pixel_count(r) && r->opacity != NULL; i++)
+    r->opacity[i] = r->combined[4 * i + 3];
+  if (status == FUM_OK && r->position != NULL) make_position(r);
+  r->stats.passes_s += fum_now_s() - start_s;
+  return status;
+}
+
+static int32_t make_passes(fum_rendering *r, const fum_channels *channels) {
+  int32_t status = channels->count == 1 ? make_colors(r) : FUM_OK;
+  for (int32_t k = 0; channels->count > 1 && k < channels->count && status == FUM_OK; k++)
+    status = make_channel(r, channels, k);
+  return status == FUM_OK ? make_values(r) : status;
 }
 
 static void hand_over(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
@@ -199,13 +282,13 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);
   if (status == FUM_OK) status = check_passes(&r, pass_count, passes);
   if (status == FUM_OK) status = allocate_passes(&r, pass_count, passes);
-  if (status == FUM_OK) status = fum_caches_update(scene, &r.settings);
+  const fum_channels *channels = NULL;
+  if (status == FUM_OK) status = fum_channels_update(scene, &r.settings, &channels);
   if (status != FUM_OK) goto done;
   r.stats.build_s = scene->caches->build_s;
   fum_view_place(&r.view, scene->origin);
   status = fum_solid_view_find(context, scene->caches->solids, &r.view, &r.solid);
-  if (status == FUM_OK && r.combined != NULL) status = make_combined(&r);
-  if (status == FUM_OK) status = make_others(&r);
+  if (status == FUM_OK) status = make_passes(&r, channels);
   if (status != FUM_OK) goto done;
   hand_over(&r, pass_count, passes);
   fill_stats(&r);

@@ -18,7 +18,8 @@
  * - Matrices are row-major, m[4 * row + column], and act on column vectors: world = m * local.
  * - Pictures have their first row at the bottom, as in Blender. Pixels are float, channels interleaved.
  * - A particle is a Gaussian: peak extinction `density` (1/m) at its centre and sigma = radius / 2. Particles add up:
- *   extinction K(x) = sum_i density_i exp(-|x - c_i|^2 / (2 sigma_i^2)).
+ *   extinction K(x) = sum_i density_i exp(-|x - c_i|^2 / (2 sigma_i^2)), for red, green and blue each times a factor
+ *   of the particle's extinction colour, so that smoke tints the light that passes it.
  * - Arrays in descriptions are copied before the call returns.
  * - A context and its scenes belong to one thread at a time. Different contexts are independent.
  * - The same scene gives the same bits, whatever the number of threads.
@@ -165,9 +166,9 @@ FUM_API void fum_scene_destroy(fum_scene *scene);
 
 /**
  * A set of particles with one material. Arrays may be NULL; the value beside them then holds for every particle.
- * Particles with a non-finite position, or a non-finite or negative radius, density, albedo or emission, or an albedo
- * above 1 are dropped, counted and reported as a warning. Particles with radius 0 are dropped in silence (they hold
- * no matter); with density 0 they are kept and neither absorb nor scatter.
+ * Particles with a non-finite position, or a non-finite or negative radius, density, albedo, emission or extinction
+ * colour, or an albedo above 1 are dropped, counted and reported as a warning. Particles with radius 0 are dropped in
+ * silence (they hold no matter); with density 0 they are kept and neither absorb nor scatter.
  */
 typedef struct fum_particles_desc {
   uint32_t struct_size;
@@ -188,6 +189,9 @@ typedef struct fum_particles_desc {
   int32_t light_set;         /**< a light shines on them if its light_sets hold this set, 0..63; default 0 */
   int32_t shadow_set;        /**< they block a light if its shadow_sets hold this set, 0..63; default 0 */
   int32_t visible_to_camera; /**< 0: they aren't drawn, but block light all the same; default 1 */
+
+  const float *extinction_colors; /**< [3 count] factors on the density for red, green and blue light, 0 or more */
+  float extinction_color[3];      /**< default 1 */
 } fum_particles_desc;
 
 FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
@@ -339,16 +343,19 @@ FUM_API void fum_render_stats_init(fum_render_stats *stats);
 
 /**
  * Lights and draws the scene. `settings` may be NULL (defaults), `out_stats` may be NULL.
- * Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
- * from the camera passes one half, else that of the solid there, else clip_end.
+ * Combined is premultiplied RGBA radiance. Where extinction colours aren't grey, red, green and blue are lit and drawn
+ * one after the other (stages of progress begin anew for each), alpha is the mean of what they lose, and passes that
+ * aren't colours are found by the mean extinction; the stats' seconds and points are those of all three, the accuracy
+ * that of the channel where light is farthest off. Depth is the distance along the camera's axis at which the
+ * transmittance from the camera passes one half, else that of the solid there, else clip_end.
  */
 FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
                            const fum_pass_buffer *passes, fum_render_stats *out_stats);
 
 /**
- * Share of a light that reaches points through smoke and past solids, 0..1; a soft light's sample points are averaged.
- * Points are in no set: every light shines on them, and is blocked by its own shadow_sets.
- * `positions` [3 count] world space, `out_transmittance` [count].
+ * Share of a light that reaches points through smoke and past solids, 0..1; a soft light's sample points are averaged,
+ * and red, green and blue where they differ. Points are in no set: every light shines on them, and is blocked by its
+ * own shadow_sets. `positions` [3 count] world space, `out_transmittance` [count].
  */
 FUM_API int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
                                         const float *positions, float *out_transmittance);

@@ -26,26 +26,41 @@ static double dot(const double a[3], const double b[3]) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* Optical depth of one particle from where smoke is seen first to t. */
-static double depth_of(const fum_ray *ray, const fum_heard *h, double t) {
-  return h->density * fum_gaussian_integral(h->sigma, ray->start - h->along, t - h->along);
+/* Adds the optical depth of one particle from where smoke is seen first to t, for red, green and blue. */
+static void add_depth(const fum_ray *ray, const fum_heard *h, double t, double depths[3]) {
+  const double mean = h->density * fum_gaussian_integral(h->sigma, ray->start - h->along, t - h->along);
+  for (int c = 0; c < 3; c++)
+    depths[c] += mean * h->tint[c];
 }
 
-static double depth_until(const fum_ray *ray, double t) {
-  double depth = 0.0;
-  for (int64_t i = 0; i < ray->heard.count && ray->heard.items[i].along - ray->heard.items[i].cut < t; i++) {
-    depth += depth_of(ray, &ray->heard.items[i], t);
-  }
-  return depth;
+static void find_depths(const fum_ray *ray, double t, double out_depths[3]) {
+  memset(out_depths, 0, 3 * sizeof *out_depths);
+  for (int64_t i = 0; i < ray->heard.count && ray->heard.items[i].along - ray->heard.items[i].cut < t; i++)
+    add_depth(ray, &ray->heard.items[i], t, out_depths);
+}
+
+/* What of the optical depths until t is looked at. */
+typedef double (*reading)(const fum_ray *ray, double t);
+
+static double mean_until(const fum_ray *ray, double t) {
+  double d[3];
+  find_depths(ray, t, d);
+  return d[0] == d[1] && d[1] == d[2] ? d[0] : (d[0] + d[1] + d[2]) / 3.0;
+}
+
+static double least_until(const fum_ray *ray, double t) {
+  double d[3];
+  find_depths(ray, t, d);
+  return fmin(d[0], fmin(d[1], d[2]));
 }
 
 /* Where the optical depth reaches `depth`, by bisection; `end` if it doesn't before. */
-static double find_depth(const fum_ray *ray, double depth, double end) {
+static double find_depth(const fum_ray *ray, reading read, double depth, double end) {
   double low = ray->start, high = end;
-  if (depth_until(ray, end) <= depth) return end;
+  if (read(ray, end) <= depth) return end;
   for (int step = 0; step < 60; step++) {
     const double middle = 0.5 * (low + high);
-    if (depth_until(ray, middle) < depth) {
+    if (read(ray, middle) < depth) {
       low = middle;
     } else {
       high = middle;
@@ -78,14 +93,16 @@ static void add_shine(void *user, const fum_shine *shine) {
   if (casts_shadows && fum_solids_occlude(world->solids, s->light->shadow_sets, from, towards, (float)shine->distance))
     return;
   const fum_way way = {{p[0], p[1], p[2]}, {u[0], u[1], u[2]}, shine->distance};
-  const double arrives =
-      shine->strength * (casts_shadows ? exp(-fum_smoke_depth(world->smoke, &way, s->light->shadow_sets)) : 1.0);
+  double depths[3] = {0.0};
+  if (casts_shadows) fum_smoke_depth(world->smoke, &way, s->light->shadow_sets, depths);
   const double cosine = dot(s->ray->way.direction, u);
-  for (int32_t set = 0; set < scene->particles_count; set++) {
-    if ((s->light->light_sets >> scene->particles[set].light_set & 1U) == 0) continue;
-    const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
-    for (int c = 0; c < 3; c++)
-      s->radiance[c] += factor * (double)s->light->intensity[c] * s->ray->scattering[3 * set + c];
+  for (int c = 0; c < 3; c++) {
+    const double arrives = shine->strength * exp(-depths[c]) * (double)s->light->intensity[c];
+    for (int32_t set = 0; set < scene->particles_count && arrives > 0.0; set++) {
+      if ((s->light->light_sets >> scene->particles[set].light_set & 1U) == 0) continue;
+      const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
+      s->radiance[c] += factor * s->ray->scattering[3 * set + c];
+    }
   }
 }
 
@@ -105,18 +122,17 @@ static void add_lights(const fum_ray *ray, double t, double radiance[3]) {
   }
 }
 
-/* The integrand. `depth_before`: optical depth of the particles that end before the panel; `active_count`: those in it.
- */
-static void evaluate(fum_ray *ray, double t, double depth_before, int64_t active_count, double out[3]) {
+/* The integrand. `before`: optical depths of the particles that end before the panel; `active_count`: those in it. */
+static void evaluate(fum_ray *ray, double t, const double before[3], int64_t active_count, double out[3]) {
   const int32_t sets = ray->world->smoke->scene->particles_count;
-  double depth = depth_before, scattered = 0.0;
+  double depths[3] = {before[0], before[1], before[2]}, scattered = 0.0;
   memset(out, 0, 3 * sizeof *out);
   memset(ray->scattering, 0, (size_t)(3 * sets) * sizeof *ray->scattering);
   for (int64_t k = 0; k < active_count; k++) {
     const fum_heard *h = &ray->heard.items[ray->active[k]];
     const double z = t - h->along;
     if (z < -h->cut) continue;
-    depth += depth_of(ray, h, t);
+    add_depth(ray, h, t, depths);
     if (z > h->cut) continue;
     const double there = exp(-0.5 * z * z / (h->sigma * h->sigma));
     for (int c = 0; c < 3; c++) {
@@ -127,19 +143,19 @@ static void evaluate(fum_ray *ray, double t, double depth_before, int64_t active
   }
   if (scattered > 0.0) add_lights(ray, t, out);
   for (int c = 0; c < 3; c++)
-    out[c] *= exp(-depth);
+    out[c] *= exp(-depths[c]);
   ray->step_count++;
 }
 
-/* Chooses the particles that are heard in the panel; gives their number and the depth of those before it. */
-static int64_t activate(fum_ray *ray, const fum_panel *panel, double *out_depth_before) {
+/* Chooses the particles that are heard in the panel; gives their number and the depths of those before it. */
+static int64_t activate(fum_ray *ray, const fum_panel *panel, double out_before[3]) {
   int64_t count = 0;
-  *out_depth_before = 0.0;
+  memset(out_before, 0, 3 * sizeof *out_before);
   for (int64_t i = 0; i < ray->heard.count; i++) {
     const fum_heard *h = &ray->heard.items[i];
     if (h->along - h->cut > panel->end) break;
     if (h->along + h->cut < panel->begin) {
-      *out_depth_before += depth_of(ray, h, panel->begin);
+      add_depth(ray, h, panel->begin, out_before);
     } else {
       ray->active[count++] = i;
     }
@@ -148,13 +164,13 @@ static int64_t activate(fum_ray *ray, const fum_panel *panel, double *out_depth_
 }
 
 static void integrate_panel(fum_ray *ray, fum_panel *panel) {
-  double depth_before, kronrod[3] = {0.0}, gauss[3] = {0.0};
-  const int64_t active = activate(ray, panel, &depth_before);
+  double before[3], kronrod[3] = {0.0}, gauss[3] = {0.0};
+  const int64_t active = activate(ray, panel, before);
   const double middle = 0.5 * (panel->begin + panel->end), half = 0.5 * (panel->end - panel->begin);
   for (int k = 0; k < POINTS && active > 0; k++) {
     const int node = k < 8 ? k : POINTS - 1 - k;
     double value[3];
-    evaluate(ray, middle + (k < 8 ? -half : half) * NODES[node], depth_before, active, value);
+    evaluate(ray, middle + (k < 8 ? -half : half) * NODES[node], before, active, value);
     for (int c = 0; c < 3; c++) {
       kronrod[c] += KRONROD_WEIGHTS[node] * half * value[c];
       gauss[c] += GAUSS_WEIGHTS[node] * half * value[c];
@@ -221,7 +237,7 @@ static bool break_at_small_particles(fum_ray *ray) {
 
 /* Panels between the extents of the Gaussians, broken where lights change abruptly. */
 static bool make_panels(fum_ray *ray) {
-  const double end = find_depth(ray, FUM_DARK_DEPTH, ray->way.length);
+  const double end = find_depth(ray, least_until, FUM_DARK_DEPTH, ray->way.length);
   const fum_heard_list *heard = &ray->heard;
   ray->panel_count = 0;
   for (int64_t i = 0; i < heard->count;) {
@@ -316,9 +332,11 @@ int32_t fum_ray_integrate(fum_ray *ray, const fum_reference_world *world, const 
   if (status == FUM_OK && !make_panels(ray)) status = FUM_ERROR_MEMORY;
   if (status == FUM_OK) status = converge(ray, &result);
   if (status != FUM_OK) return status;
-  const double depth = depth_until(ray, way->length);
-  result.alpha = -expm1(-depth);
-  if (wants_half_way && depth > half) result.half_way = find_depth(ray, half, way->length);
+  double depths[3];
+  find_depths(ray, way->length, depths);
+  result.alpha = -(expm1(-depths[0]) + expm1(-depths[1]) + expm1(-depths[2])) / 3.0;
+  if (wants_half_way && mean_until(ray, way->length) > half)
+    result.half_way = find_depth(ray, mean_until, half, way->length);
   *out_result = result;
   return FUM_OK;
 }

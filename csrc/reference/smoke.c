@@ -5,6 +5,7 @@
 #include "base/vector.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { CELL_SIZE = 32, AXIS_BITS = 19 };
 
@@ -26,7 +27,10 @@ static fum_gaussian make_gaussian(const fum_scene *scene, int32_t s, int64_t i, 
   fum_gaussian g = {.sigma = (double)set->sigmas[i], .density = (double)set->densities[i], .index = i, .set = s};
   for (int axis = 0; axis < 3; axis++)
     g.centre[axis] = (double)set->positions[3 * i + axis] - scene->origin[axis];
-  const double depth = g.density * g.sigma * FUM_SQRT_2PI;
+  const float *tint = color_of(set->tints, set->tint, i);
+  for (int c = 0; c < 3; c++)
+    g.tint[c] = (double)tint[c];
+  const double most = fmax(g.tint[0], fmax(g.tint[1], g.tint[2])), depth = most * g.density * g.sigma * FUM_SQRT_2PI;
   g.cut = g.sigma * sqrt(2.0 * log(fmax(depth, 1.0) / lost));
   return g;
 }
@@ -171,19 +175,21 @@ static inline bool pass(const fum_gaussian *g, const fum_way *way, double *out_a
   return squared < g->cut * g->cut;
 }
 
-double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets) {
-  double depth = 0.0, s, squared;
-  for (int64_t c = 0; c < smoke->cell_count && depth < FUM_DARK_DEPTH; c++) {
-    if (!is_cell_near(&smoke->cells[c], way)) continue;
-    for (int64_t i = smoke->cells[c].begin; i < smoke->cells[c].end; i++) {
+void fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets, double out_depths[3]) {
+  double rgb[3] = {0.0}, s, squared;
+  for (int64_t n = 0; n < smoke->cell_count && fmin(rgb[0], fmin(rgb[1], rgb[2])) < FUM_DARK_DEPTH; n++) {
+    if (!is_cell_near(&smoke->cells[n], way)) continue;
+    for (int64_t i = smoke->cells[n].begin; i < smoke->cells[n].end; i++) {
       const fum_gaussian *g = &smoke->gaussians[i];
       if ((shadow_sets >> smoke->scene->particles[g->set].shadow_set & 1U) == 0) continue;
       if (!pass(g, way, &s, &squared)) continue;
       const double density = g->density * exp(-0.5 * squared / (g->sigma * g->sigma));
-      depth += density * fum_gaussian_integral(g->sigma, -s, way->length - s);
+      const double depth = density * fum_gaussian_integral(g->sigma, -s, way->length - s);
+      for (int c = 0; c < 3; c++)
+        rgb[c] += depth * g->tint[c];
     }
   }
-  return depth;
+  memcpy(out_depths, rgb, sizeof rgb);
 }
 
 static bool append(const fum_smoke *smoke, const fum_gaussian *g, double along, double squared, fum_heard_list *list) {
@@ -198,9 +204,10 @@ static bool append(const fum_smoke *smoke, const fum_gaussian *g, double along, 
   const float *albedo = color_of(set->albedos, set->albedo, g->index);
   const float *glow = color_of(set->emissions, set->emission, g->index);
   const double there = exp(-0.5 * squared / (g->sigma * g->sigma));
-  fum_heard h = {along, g->sigma, g->cut, g->density * there, {0.0}, {0.0}, g->set};
+  fum_heard h = {along, g->sigma, g->cut, g->density * there, {0.0}, {0.0}, {0.0}, g->set};
   for (int c = 0; c < 3; c++) {
-    h.scattering[c] = (double)albedo[c] * h.density;
+    h.tint[c] = g->tint[c];
+    h.scattering[c] = (double)albedo[c] * h.density * h.tint[c];
     h.glow[c] = (double)glow[c] * there;
   }
   list->items[list->count++] = h;

@@ -9,7 +9,8 @@
 typedef struct fum_gaussian {
   double centre[3]; /* relative to the scene's origin */
   double sigma;     /* m */
-  double density;   /* peak extinction, 1/m */
+  double density;   /* peak extinction, mean of red, green and blue, 1/m */
+  double tint[3];   /* theirs over it */
   double cut;       /* m; what lies farther from the centre than this is left out */
   int64_t index;    /* in its set */
   int32_t set;
@@ -41,8 +42,9 @@ typedef struct fum_way {
 typedef struct fum_heard {
   double along; /* m from the way's start to the point nearest to the centre */
   double sigma, cut;
-  double density;                /* there, 1/m */
-  double scattering[3], glow[3]; /* albedo times density; emission, there */
+  double density; /* there, 1/m */
+  double tint[3];
+  double scattering[3], glow[3]; /* albedo times extinction; emission, there */
   int32_t set;
 } fum_heard;
 
@@ -60,9 +62,9 @@ void fum_smoke_free(fum_smoke *smoke);
 /* Integral of the unit Gaussian exp(-t^2 / (2 sigma^2)) from a to b, by erfc so that tails don't cancel. */
 double fum_gaussian_integral(double sigma, double a, double b);
 
-/* Optical depth, along a way to a light, of the particles in `shadow_sets`, by the closed form. Ends early beyond
- * FUM_DARK_DEPTH. */
-double fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets);
+/* Optical depth, along a way to a light, of the particles in `shadow_sets` for red, green and blue, by the closed form.
+ * Ends early once all are beyond FUM_DARK_DEPTH. */
+void fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow_sets, double out_depths[3]);
 
 /* Nothing is seen through this optical depth. */
 #define FUM_DARK_DEPTH 100.0

@@ -14,7 +14,8 @@ void fum_particles_desc_init(fum_particles_desc *desc) {
                                .radius = 0.1F,
                                .density = 1.0F,
                                .albedo = {0.8F, 0.8F, 0.8F},
-                               .visible_to_camera = 1};
+                               .visible_to_camera = 1,
+                               .extinction_color = {1.0F, 1.0F, 1.0F}};
 }
 
 static bool is_extensive(float value) {
@@ -28,7 +29,7 @@ static bool is_albedo(const float *rgb) {
   return true;
 }
 
-static bool is_radiance(const float *rgb) {
+static bool are_extensive(const float *rgb) {
   return is_extensive(rgb[0]) && is_extensive(rgb[1]) && is_extensive(rgb[2]);
 }
 
@@ -56,9 +57,14 @@ static int32_t check_desc(fum_context *context, const fum_particles_desc *d, con
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: albedo %g %g %g is not within 0..1", name, (double)d->albedo[0],
                     (double)d->albedo[1], (double)d->albedo[2]);
   }
-  if (d->emissions == NULL && !is_radiance(d->emission)) {
+  if (d->emissions == NULL && !are_extensive(d->emission)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: emission %g %g %g is negative or not finite", name,
                     (double)d->emission[0], (double)d->emission[1], (double)d->emission[2]);
+  }
+  const float *color = d->extinction_color;
+  if (d->extinction_colors == NULL && !are_extensive(color)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: extinction colour %g %g %g is negative or not finite", name,
+                    (double)color[0], (double)color[1], (double)color[2]);
   }
   return fum_check_link_sets(context, name, d->light_set, d->shadow_set);
 }
@@ -75,7 +81,8 @@ static const char *unusable_field(const fum_particles_desc *d, int64_t i) {
   if (d->radii != NULL && !is_extensive(d->radii[i])) return "radius";
   if (d->densities != NULL && !is_extensive(d->densities[i])) return "density";
   if (d->albedos != NULL && !is_albedo(d->albedos + 3 * i)) return "albedo";
-  if (d->emissions != NULL && !is_radiance(d->emissions + 3 * i)) return "emission";
+  if (d->emissions != NULL && !are_extensive(d->emissions + 3 * i)) return "emission";
+  if (d->extinction_colors != NULL && !are_extensive(d->extinction_colors + 3 * i)) return "extinction colour";
   if (d->velocities != NULL && !is_finite3(d->velocities + 3 * i)) return "velocity";
   return NULL;
 }
@@ -154,6 +161,7 @@ static void free_particles(fum_context *context, fum_particles *set) {
   fum_free(context, &set->positions);
   fum_free(context, &set->sigmas);
   fum_free(context, &set->densities);
+  fum_free(context, &set->tints);
   fum_free(context, &set->albedos);
   fum_free(context, &set->emissions);
   fum_free(context, &set->velocities);
@@ -168,6 +176,30 @@ void fum_scene_free_particles(fum_scene *scene) {
   scene->particles_count = 0;
 }
 
+/* Makes a factor for each channel one on the density and the channels' shares of it. Without extinction there is no
+ * share, and grey is as good as any. */
+static void split_tint(float rgb[3], float *density) {
+  const double mean = ((double)rgb[0] + (double)rgb[1] + (double)rgb[2]) / 3.0;
+  *density *= (float)mean;
+  for (int c = 0; c < 3; c++)
+    rgb[c] = mean > 0.0 ? (float)((double)rgb[c] / mean) : 1.0F;
+}
+
+static void split_tints(fum_context *context, fum_particles *set) {
+  const float *one = set->tint;
+  if (set->tints == NULL && one[0] == 1.0F && one[1] == 1.0F && one[2] == 1.0F) return;
+  float mean = 1.0F;
+  split_tint(set->tint, &mean);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < set->count; i++) {
+    if (set->tints != NULL) {
+      split_tint(set->tints + 3 * i, &set->densities[i]);
+    } else {
+      set->densities[i] *= mean;
+    }
+  }
+}
+
 static int32_t copy_particles(fum_context *context, const fum_particles_desc *d, const char *name, int64_t count,
                               const uint32_t *chosen, fum_particles *set) {
   int32_t status = gather(context, name, d->positions, 3, count, chosen, &set->positions);
@@ -176,11 +208,13 @@ static int32_t copy_particles(fum_context *context, const fum_particles_desc *d,
     status = gather_uniform(context, name, d->densities, d->density, count, chosen, &set->densities);
   if (status == FUM_OK) status = gather(context, name, d->albedos, 3, count, chosen, &set->albedos);
   if (status == FUM_OK) status = gather(context, name, d->emissions, 3, count, chosen, &set->emissions);
+  if (status == FUM_OK) status = gather(context, name, d->extinction_colors, 3, count, chosen, &set->tints);
   if (status == FUM_OK) status = gather(context, name, d->velocities, 3, count, chosen, &set->velocities);
   if (status == FUM_OK && d->ids != NULL) status = fum_alloc(context, count, sizeof *set->ids, name, &set->ids);
   if (status != FUM_OK) return status;
   for (int64_t i = 0; i < count; i++)
     set->sigmas[i] *= 0.5F;
+  split_tints(context, set);
   for (int64_t i = 0; set->ids != NULL && i < count; i++)
     set->ids[i] = d->ids[chosen != NULL ? chosen[i] : i];
   return FUM_OK;
@@ -208,6 +242,7 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
                        .is_visible_to_camera = desc->visible_to_camera != 0};
   memcpy(set.albedo, desc->albedo, sizeof set.albedo);
   memcpy(set.emission, desc->emission, sizeof set.emission);
+  memcpy(set.tint, desc->extinction_color, sizeof set.tint);
   if (is_tidy(context, desc)) {
     count = desc->count;
   } else {

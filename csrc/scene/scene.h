@@ -13,10 +13,11 @@ typedef struct fum_particles {
   float anisotropy;
   float *positions;                        /* [3 count] world space */
   float *sigmas;                           /* [count] m */
-  float *densities;                        /* [count] peak extinction, 1/m */
+  float *densities;                        /* [count] peak extinction, the mean of red, green and blue, 1/m */
+  float *tints;                            /* [3 count] extinction of red, green and blue over their mean, or NULL */
   float *albedos, *emissions, *velocities; /* [3 count] or NULL */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
-  float albedo[3], emission[3];
+  float albedo[3], emission[3], tint[3];
   int32_t light_set, shadow_set;
   bool is_visible_to_camera;
 } fum_particles;

@@ -87,6 +87,8 @@ class fum_particles_desc(ctypes.Structure):
         ("light_set", ctypes.c_int32),
         ("shadow_set", ctypes.c_int32),
         ("visible_to_camera", ctypes.c_int32),
+        ("extinction_colors", ctypes.POINTER(ctypes.c_float)),
+        ("extinction_color", ctypes.c_float * 3),
     ]
 
 

@@ -72,6 +72,7 @@ class Scene:
         light_set: int = 0,
         shadow_set: int = 0,
         visible_to_camera: bool = True,
+        extinction_color: ArrayLike | None = None,
     ) -> None:
         """Adds n particles, Gaussians of sigma = radius / 2. Arrays are copied; float32 ones without another copy.
 
@@ -87,6 +88,8 @@ class Scene:
         light_set: 0..63; lights whose `light_sets` hold it shine on the particles.
         shadow_set: 0..63; lights whose `shadow_sets` hold it are blocked by the particles.
         visible_to_camera: False: the particles aren't drawn, but block light all the same.
+        extinction_color: an RGB triple or (n, 3), factors on the density for red, green and blue light, at least 0;
+            default 1. Light that passes is tinted by what is left: an artistic colour of shadows as well.
 
         Single particles with a value that is not finite or out of range are dropped, with a warning that counts them.
         Raises FumaroleError for wrong shapes and for numbers out of range.
@@ -103,6 +106,7 @@ class Scene:
         _set_numbers(description, "density", "densities", density, count, name)
         _set_colors(description, "albedo", "albedos", albedo, count, name)
         _set_colors(description, "emission", "emissions", emission, count, name)
+        _set_colors(description, "extinction_color", "extinction_colors", extinction_color, count, name)
         if velocity is not None:
             velocities = _arrays.floats(velocity, f"velocity of {name!r}")
             if velocities.shape == (3,):
