@@ -14,7 +14,7 @@ from . import compat, core
 from .export.camera import border, export_camera, resolution
 from .export.scene import Scene, build, export_scene
 from .kept import Keeper
-from .passes import enabled, warnings as pass_warnings
+from .passes import crypto_fields, enabled, warnings as pass_warnings
 
 # Where each stage of a render begins and how much of it it is, for the progress bar.
 _STAGES = {
@@ -107,8 +107,10 @@ class FumaroleEngine(bpy.types.RenderEngine):
         size = _size(depsgraph.scene.render)
         try:
             self.active_view_set(view)
-            camera = self._camera(depsgraph, scene)
             passes = enabled(layer)
+            camera = self._camera(depsgraph, scene)
+            if any(item.name == "Vector" for item in passes):
+                camera = camera.moving(*self._cameras_beside(depsgraph, scene))
             wanted = [name for item in passes for name in item.wanted(scene.lights)]
             result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), wanted)
             self._warn([*scene.warnings, *result.warnings, *pass_warnings(passes, scene.lights)])
@@ -120,7 +122,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
                 _put_over(pixels["Combined"], scene.background)
         finally:
             self._hand_over(layer.name, view, size, pixels)
-        self._stamp(".".join(filter(None, ("fumarole", layer.name, view))), result.stats)
+        self._stamp(".".join(filter(None, ("fumarole", layer.name, view))), result.stats, crypto_fields(layer, scene))
 
     def _camera(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> core.Camera:
         owner = self.camera_override or depsgraph.scene.camera
@@ -129,6 +131,18 @@ class FumaroleEngine(bpy.types.RenderEngine):
         owner = owner.evaluated_get(depsgraph)
         matrix = np.array(self.camera_model_matrix(owner), dtype=np.float64)
         return export_camera(owner, depsgraph.scene.render, matrix, self.camera_shift_x(owner), scene.warn)
+
+    def _cameras_beside(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> list[core.Camera]:
+        """The camera one frame before and one frame after."""
+        frame, subframe = depsgraph.scene.frame_current, depsgraph.scene.frame_subframe
+        cameras = []
+        try:
+            for step in (-1, 1):
+                self.frame_set(frame + step, subframe)
+                cameras.append(self._camera(depsgraph, scene))
+        finally:
+            self.frame_set(frame, subframe)
+        return cameras
 
     def _hand_over(self, layer: str, view: str, size: tuple[int, int], pixels: dict[str, np.ndarray]) -> None:
         """Gives Blender the passes. It needs a result even if there are none: without one some of its writers crash."""
@@ -139,10 +153,14 @@ class FumaroleEngine(bpy.types.RenderEngine):
         finally:
             self.end_result(result, cancel=not pixels)
 
-    def _stamp(self, prefix: str, stats: core.Stats) -> None:
-        """Writes the measured accuracy to the metadata of the picture, as `prefix`.transmittance_rms and so on."""
+    def _stamp(self, prefix: str, stats: core.Stats, fields: dict[str, str]) -> None:
+        """Writes metadata of the picture: `fields`, and the measured accuracy as `prefix`.transmittance_rms and so on."""
         rendered = self.get_result()
-        if rendered is None or stats.accuracy_count == 0:
+        if rendered is None:
+            return
+        for name, value in fields.items():
+            rendered.stamp_data_add_field(name, value)
+        if stats.accuracy_count == 0:
             return
         rendered.stamp_data_add_field(f"{prefix}.transmittance_points", str(stats.accuracy_count))
         for name in ("rms", "p95", "worst", "bias"):

@@ -141,6 +141,21 @@ class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
         description="Two passes, Depth Front and Depth Back: between them are nine tenths of the smoke's opacity",
         update=_tell_passes,
     )
+    use_pass_albedo: BoolProperty(
+        name="Albedo",
+        description="The smoke's colour, times opacity",
+        update=_tell_passes,
+    )
+    use_pass_solid_shadow: BoolProperty(
+        name="Solid Shadow",
+        description="The share of the light on the smoke that solids let through",
+        update=_tell_passes,
+    )
+    use_pass_error: BoolProperty(
+        name="Error",
+        description="How far the light in the smoke is off, found exactly in each pixel: as share of the lights. Slow",
+        update=_tell_passes,
+    )
     use_pass_lights: BoolProperty(
         name="Lights",
         description="A pass for each light: what the smoke scatters of it. Together with Emit they add up to Combined",
@@ -149,6 +164,11 @@ class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
     use_pass_light_shadows: BoolProperty(
         name="Shadows of Lights",
         description="A pass for each light: the share of it that smoke lets through to the solid in a pixel",
+        update=_tell_passes,
+    )
+    use_pass_light_solid_shadows: BoolProperty(
+        name="Solid Shadows of Lights",
+        description="A pass for each light: the share of it that solids let through to the smoke",
         update=_tell_passes,
     )
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import bpy
 
 from .engine import FumaroleEngine, last_stats
-from .passes import OWN_SWITCHES, SWITCHES
+from .passes import LIGHT_SWITCHES, OWN_SWITCHES, SWITCHES
 
 # Panels for all engines that show what Fumarole doesn't have, or that the ones below show better.
 _EXCLUDED = {"DATA_PT_light", "DATA_PT_area", "DATA_PT_distance", "DATA_PT_falloff_curve", "NODE_DATA_PT_light"}
@@ -130,8 +130,12 @@ class FUMAROLE_PT_passes(FumarolePanel, bpy.types.Panel):
             column.prop(context.view_layer, switch, text=name)
         for switch in dict.fromkeys(OWN_SWITCHES.values()):
             column.prop(context.view_layer.fumarole, switch)
-        column.prop(context.view_layer.fumarole, "use_pass_lights")
-        column.prop(context.view_layer.fumarole, "use_pass_light_shadows")
+        for switch, _name in LIGHT_SWITCHES.values():
+            column.prop(context.view_layer.fumarole, switch)
+        column.prop(context.view_layer, "use_pass_cryptomatte_object", text="Cryptomatte")
+        depth = column.column()
+        depth.enabled = context.view_layer.use_pass_cryptomatte_object
+        depth.prop(context.view_layer, "pass_cryptomatte_depth", text="Levels")
 
 
 class FUMAROLE_PT_particles(FumarolePanel, bpy.types.Panel):

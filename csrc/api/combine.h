@@ -14,6 +14,7 @@ typedef struct fum_rendering {
   fum_context *context;
   fum_scene *scene;
   fum_settings settings;
+  const fum_camera *camera;
   fum_view view;
   fum_solid_view solid;
   /* Passes; NULL: not needed. */
@@ -21,11 +22,19 @@ typedef struct fum_rendering {
   float *depth;    /* [height][width], as those below */
   float *depth_front, *depth_back;
   float *opacity;
-  float *position;       /* [height][width][3], as those below */
-  float *emission;       /* a part of combined */
-  float *shadow;         /* of smoke on solids */
-  float **lights;        /* [light_count] parts of combined */
-  float **light_shadows; /* [light_count] */
+  float *position; /* [height][width][3], as those below */
+  float *emission; /* a part of combined */
+  float *shadow;   /* of smoke on solids */
+  float *albedo;
+  float *solid_shadow;         /* of solids on smoke */
+  float *error;                /* [height][width] */
+  float *vector;               /* [height][width][4] */
+  float **lights;              /* [light_count] parts of combined */
+  float **light_shadows;       /* [light_count] */
+  float **light_solid_shadows; /* [light_count] */
+  float channel_share;         /* of red, green and blue that are seen in this scene */
+  int32_t crypto_count;
+  float *crypto[FUM_MAX_RANK_PAIRS]; /* [crypto_count] [height][width][4] */
   fum_render_stats stats;
 } fum_rendering;
 

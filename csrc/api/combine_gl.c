@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "api/combine.h"
+#include "api/attributes.h"
 #include "billboard/arrange.h"
 #include "billboard/gl.h"
 #include "lighting/inscatter.h"
@@ -80,6 +80,23 @@ static fum_frame make_frame(const fum_rendering *r) {
   return frame;
 }
 
+/* Billboards in their order, for drawing them again with other values. */
+typedef struct arranged {
+  fum_rendering *r;
+  fum_frame frame;
+  int64_t count;
+  const uint32_t *ranks;
+  fum_billboard *billboards;
+} arranged;
+
+/* A fum_draw_values_fn. */
+static int32_t draw_values(void *user, const float *values, float *out_rgba) {
+  const arranged *a = user;
+  for (int64_t n = 0; n < a->count; n++)
+    memcpy(a->billboards[n].source, values + 3 * (int64_t)a->ranks[n], sizeof a->billboards[n].source);
+  return fum_gl_draw(a->r->context, &a->frame, a->count, a->billboards, out_rgba, a->r->stats.device);
+}
+
 static int32_t draw_billboards(fum_rendering *r, const float *light) {
   const fum_octree *all = r->scene->caches->all;
   const fum_frame frame = make_frame(r);
@@ -98,6 +115,8 @@ static int32_t draw_billboards(fum_rendering *r, const float *light) {
   start_s = fum_now_s();
   status = fum_gl_draw(r->context, &frame, count, billboards, r->combined, r->stats.device);
   r->stats.draw_s = fum_now_s() - start_s;
+  arranged again = {r, frame, count, ranks, billboards};
+  if (status == FUM_OK) status = fum_attributes_make(r, draw_values, &again);
 done:
   fum_free(r->context, &billboards);
   fum_free(r->context, &ranks);

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "api/combine.h"
+#include "api/attributes.h"
+#include "api/light_error.h"
+#include "api/solid_shadow.h"
 #include "billboard/tiles.h"
 #include "lighting/centres.h"
 #include "lighting/inscatter.h"
@@ -81,18 +83,18 @@ static int32_t light_centres(const plan *p, smoke_light *light, double *out_shar
 }
 
 /* Light at the particles' centres is added up over lights and with what they emit. */
-static bool is_in_parts(const fum_rendering *r) {
+static bool asks_lattice(const fum_rendering *r) {
   for (int32_t l = 0; l < r->scene->light_count; l++) {
     if (r->lights[l] != NULL) return true;
   }
-  return r->emission != NULL;
+  return r->emission != NULL || r->error != NULL || fum_solid_shadow_is_wanted(r);
 }
 
 /* Are the particles fewer than the samples that were placed, and light at their centres enough? */
 static bool prefers_centres(const plan *p, const smoke_light *light) {
   const fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
-  return !is_in_parts(r) && all->count < light->lattice.lit_count &&
+  return !asks_lattice(r) && all->count < light->lattice.lit_count &&
          fum_centres_suffice(r->scene, all, &r->view, &light->slabs, p->lighting->lamps, r->scene->caches->solids,
                              r->settings.tolerance);
 }
@@ -173,6 +175,31 @@ static float drawn_sigmas(const fum_rendering *r, const fum_slabs *slabs) {
   return fum_footprint_sigmas((float)share * r->settings.tolerance);
 }
 
+/* A fum_draw_values_fn. */
+static int32_t draw_values(void *user, const float *values, float *out_rgba) {
+  const fum_tile_job *shared = user;
+  fum_tile_job job = *shared;
+  fum_lattice nothing = {0};
+  job.lattice = &nothing;
+  job.values = values;
+  job.class_count = 0;
+  job.is_uniform = false;
+  job.glows = true;
+  job.rgba = out_rgba;
+  job.light_rgb = NULL;
+  job.emission = NULL;
+  return fum_tiles_draw(shared->scene->context, &job);
+}
+
+/* Passes that are drawn as Combined is. */
+static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const smoke_light *light,
+                           fum_tile_job *job) {
+  int32_t status = fum_attributes_make(r, draw_values, job);
+  if (status == FUM_OK && fum_solid_shadow_is_wanted(r)) status = fum_solid_shadow_find(r, job);
+  if (status == FUM_OK && r->error != NULL) status = fum_light_error_find(r, lighting, &light->slabs, &light->lattice);
+  return status;
+}
+
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = fum_footprint_sigmas(r->settings.tolerance);
@@ -197,6 +224,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .light_rgb = r->lights,
                       .emission = r->emission};
   double start_s = fum_now_s();
+  fum_solid_shadow_begin(r);
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   const plan p = {r, &lighting, footprint, job.thinnest};
@@ -219,6 +247,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   start_s = fum_now_s();
   status = fum_tiles_draw(r->context, &job);
   r->stats.draw_s = fum_now_s() - start_s;
+  if (status == FUM_OK) status = draw_others(r, &lighting, &light, &job);
   memcpy(r->stats.device, "tiles", sizeof "tiles");
 done:
   fum_free(r->context, &job.class_of);

@@ -19,7 +19,31 @@ static int64_t pixel_count(const fum_rendering *r) {
 
 /* Has the pass red, green and blue? */
 static bool is_color(const fum_pass_info *info) {
-  return strcmp(info->kind, "COLOR") == 0;
+  return strcmp(info->kind, "COLOR") == 0 && info->per != FUM_PER_RANKS;
+}
+
+/* Is it made anew for each channel of colour? */
+static bool is_by_channel(const fum_pass_info *info) {
+  return is_color(info) || info->pass == FUM_PASS_VECTOR || info->pass == FUM_PASS_ERROR;
+}
+
+/* How many there are of the pass. */
+static int32_t count_of(const fum_rendering *r, const fum_pass_info *info) {
+  const int32_t counts[] = {
+      [FUM_PER_PICTURE] = 1, [FUM_PER_LIGHT] = r->scene->light_count, [FUM_PER_RANKS] = FUM_MAX_RANK_PAIRS};
+  return counts[info->per];
+}
+
+/* Parts of the light, and what asks the lattice. */
+static bool needs_tiles(int32_t pass) {
+  return pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION || pass == FUM_PASS_SOLID_SHADOW ||
+         pass == FUM_PASS_LIGHT_SOLID_SHADOW || pass == FUM_PASS_ERROR;
+}
+
+/* Is it drawn with Combined? */
+static bool is_drawn(int32_t pass) {
+  return needs_tiles(pass) || pass == FUM_PASS_OPACITY || pass == FUM_PASS_ALBEDO || pass == FUM_PASS_VECTOR ||
+         pass == FUM_PASS_CRYPTO_OBJECT;
 }
 
 static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted) {
@@ -30,13 +54,12 @@ static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted)
     return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed",
                     info->name, (long long)wanted->pixels_size, (long long)needed);
   }
-  const int32_t lights = info->of_light ? r->scene->light_count : 1;
-  if (wanted->light < 0 || wanted->light >= lights) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: light %d is not one of the scene's %d lights", info->name,
-                    (int)wanted->light, (int)r->scene->light_count);
+  if (wanted->number < 0 || wanted->number >= count_of(r, info)) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: number %d is not one of %d %s", info->name,
+                    (int)wanted->number, (int)count_of(r, info),
+                    info->per == FUM_PER_LIGHT ? "lights of the scene" : "that there are");
   }
-  const bool is_part = wanted->pass == FUM_PASS_LIGHT || wanted->pass == FUM_PASS_EMISSION;
-  if (is_part && r->settings.device == FUM_DEVICE_GL) {
+  if (needs_tiles(wanted->pass) && r->settings.device == FUM_DEVICE_GL) {
     return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: OpenGL draws all light at once; use the device tiles",
                     info->name);
   }
@@ -52,7 +75,7 @@ static int32_t check_passes(const fum_rendering *r, int32_t pass_count, const fu
 }
 
 /* Where a pass is kept. */
-static float **place_of(fum_rendering *r, int32_t pass, int32_t light) {
+static float **place_of(fum_rendering *r, int32_t pass, int32_t number) {
   switch (pass) {
   case FUM_PASS_COMBINED:
     return &r->combined;
@@ -70,15 +93,27 @@ static float **place_of(fum_rendering *r, int32_t pass, int32_t light) {
     return &r->depth_front;
   case FUM_PASS_DEPTH_BACK:
     return &r->depth_back;
+  case FUM_PASS_ALBEDO:
+    return &r->albedo;
+  case FUM_PASS_VECTOR:
+    return &r->vector;
+  case FUM_PASS_SOLID_SHADOW:
+    return &r->solid_shadow;
+  case FUM_PASS_ERROR:
+    return &r->error;
+  case FUM_PASS_CRYPTO_OBJECT:
+    return &r->crypto[number];
   case FUM_PASS_LIGHT:
-    return &r->lights[light];
+    return &r->lights[number];
+  case FUM_PASS_LIGHT_SOLID_SHADOW:
+    return &r->light_solid_shadows[number];
   default:
-    return &r->light_shadows[light];
+    return &r->light_shadows[number];
   }
 }
 
-static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t light) {
-  float **place = place_of(r, pass, light);
+static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t number) {
+  float **place = place_of(r, pass, number);
   const fum_pass_info *info = fum_pass_find(pass);
   if (*place != NULL) return FUM_OK;
   char what[64];
@@ -88,9 +123,12 @@ static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t light) {
 
 static int32_t allocate_lists(fum_rendering *r) {
   const int32_t lights = r->scene->light_count;
-  const int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, "passes of lights", &r->lights);
-  if (status != FUM_OK) return status;
-  return fum_alloc(r->context, lights, sizeof *r->light_shadows, "passes of lights", &r->light_shadows);
+  const char *what = "passes of lights";
+  int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, what, &r->lights);
+  if (status == FUM_OK) status = fum_alloc(r->context, lights, sizeof *r->light_shadows, what, &r->light_shadows);
+  if (status == FUM_OK)
+    status = fum_alloc(r->context, lights, sizeof *r->light_solid_shadows, what, &r->light_solid_shadows);
+  return status;
 }
 
 /* What is asked for, and what that is made from. */
@@ -98,9 +136,10 @@ static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_p
   int32_t status = allocate_lists(r);
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
     const int32_t pass = passes[i].pass;
-    status = allocate_pass(r, pass, passes[i].light);
-    if (status == FUM_OK && (pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION || pass == FUM_PASS_OPACITY))
-      status = allocate_pass(r, FUM_PASS_COMBINED, 0);
+    status = allocate_pass(r, pass, passes[i].number);
+    if (status == FUM_OK && is_drawn(pass)) status = allocate_pass(r, FUM_PASS_COMBINED, 0);
+    for (; status == FUM_OK && pass == FUM_PASS_CRYPTO_OBJECT && r->crypto_count <= passes[i].number; r->crypto_count++)
+      status = allocate_pass(r, pass, r->crypto_count);
     if (status == FUM_OK && pass == FUM_PASS_POSITION) status = allocate_pass(r, FUM_PASS_DEPTH, 0);
   }
   return status;
@@ -110,9 +149,17 @@ static void free_passes(fum_rendering *r) {
   for (int32_t l = 0; l < r->scene->light_count; l++) {
     if (r->lights != NULL) fum_free(r->context, &r->lights[l]);
     if (r->light_shadows != NULL) fum_free(r->context, &r->light_shadows[l]);
+    if (r->light_solid_shadows != NULL) fum_free(r->context, &r->light_solid_shadows[l]);
   }
+  for (int32_t i = 0; i < FUM_MAX_RANK_PAIRS; i++)
+    fum_free(r->context, &r->crypto[i]);
+  fum_free(r->context, &r->light_solid_shadows);
   fum_free(r->context, &r->light_shadows);
   fum_free(r->context, &r->lights);
+  fum_free(r->context, &r->error);
+  fum_free(r->context, &r->solid_shadow);
+  fum_free(r->context, &r->vector);
+  fum_free(r->context, &r->albedo);
   fum_free(r->context, &r->shadow);
   fum_free(r->context, &r->emission);
   fum_free(r->context, &r->position);
@@ -207,26 +254,47 @@ static void take_color(const fum_channels *channels, int32_t k, int64_t pixels, 
   }
 }
 
-/* Passes in colour of `r` as one of the channels' scenes has them. */
+/* Adds what scene `k` has of a pass without colours, which is the mean over red, green and blue. */
+static void take_value(float share, int64_t count, const float *from, float *to) {
+  for (int64_t i = 0; i < count; i++)
+    to[i] += share * from[i];
+}
+
+/* Drawn passes of `r` as one of the channels' scenes has them. Mattes are entered in place. */
 static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int32_t k) {
-  fum_rendering part = {
-      .context = r->context, .scene = channels->scenes[k], .settings = r->settings, .view = r->view, .solid = r->solid};
+  fum_rendering part = {.context = r->context,
+                        .scene = channels->scenes[k],
+                        .settings = r->settings,
+                        .camera = r->camera,
+                        .view = r->view,
+                        .solid = r->solid,
+                        .crypto_count = r->crypto_count};
   fum_pass_info info;
+  for (int c = 0; c < 3; c++)
+    part.channel_share += channels->of[c] == k ? 1.0F / 3.0F : 0.0F;
+  memcpy(part.crypto, r->crypto, sizeof part.crypto);
   fum_render_stats_init(&part.stats);
   int32_t status = allocate_lists(&part);
   for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK; i++) {
-    for (int32_t l = 0; l < (info.of_light ? r->scene->light_count : 1) && status == FUM_OK; l++) {
-      if (is_color(&info) && *place_of(r, info.pass, l) != NULL) status = allocate_pass(&part, info.pass, l);
+    for (int32_t n = 0; n < count_of(r, &info) && status == FUM_OK; n++) {
+      if (is_by_channel(&info) && *place_of(r, info.pass, n) != NULL) status = allocate_pass(&part, info.pass, n);
     }
   }
   if (status == FUM_OK) status = make_colors(&part);
   for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK && status == FUM_OK; i++) {
-    for (int32_t l = 0; l < (info.of_light ? r->scene->light_count : 1); l++) {
-      float *to = is_color(&info) ? *place_of(r, info.pass, l) : NULL;
-      if (to != NULL) take_color(channels, k, pixel_count(r), info.channel_count, *place_of(&part, info.pass, l), to);
+    for (int32_t n = 0; n < count_of(r, &info); n++) {
+      float *to = is_by_channel(&info) ? *place_of(r, info.pass, n) : NULL;
+      if (to == NULL) continue;
+      const float *from = *place_of(&part, info.pass, n);
+      if (is_color(&info)) {
+        take_color(channels, k, pixel_count(r), info.channel_count, from, to);
+      } else {
+        take_value(part.channel_share, pixel_count(r) * info.channel_count, from, to);
+      }
     }
   }
   add_stats(&part.stats, &r->stats);
+  memset(part.crypto, 0, sizeof part.crypto);
   free_passes(&part);
   return status;
 }
@@ -251,7 +319,7 @@ static int32_t make_passes(fum_rendering *r, const fum_channels *channels) {
 
 static void hand_over(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
   for (int32_t i = 0; i < pass_count; i++) {
-    const float *from = *place_of(r, passes[i].pass, passes[i].light);
+    const float *from = *place_of(r, passes[i].pass, passes[i].number);
     memcpy(passes[i].pixels, from, (size_t)passes[i].pixels_size * sizeof *from);
   }
 }
@@ -269,7 +337,7 @@ static void fill_stats(fum_rendering *r) {
 int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
                    const fum_pass_buffer *passes, fum_render_stats *out_stats) {
   const double start_s = fum_now_s();
-  fum_rendering r = {.context = scene->context, .scene = scene};
+  fum_rendering r = {.context = scene->context, .scene = scene, .camera = camera, .channel_share = 1.0F};
   fum_context *context = scene->context;
   fum_render_stats_init(&r.stats);
   fum_progress_begin(context);

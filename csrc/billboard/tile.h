@@ -47,6 +47,8 @@ typedef struct fum_tile_job {
   bool glows;                    /* emission is added up as well */
   const float *centre_light; /* [3 octree->count] of particles that are lit at their centres, as of fum_inscatter, and
                                 counted as emission; NULL: light comes from the lattice */
+  const float *values;       /* [3 octree->count] any quantity of the particles: drawn instead of what they emit, as its
+                                mean along the ray, weighted with what each adds to opacity; NULL: none */
   float straight;            /* sigmas along the view within which bent faces count as flat: a share of the tolerance */
   float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
   float *rgba;               /* [height][width][4] */

@@ -2,12 +2,18 @@
 /* The part of tile_loop.h that adds up a tile's splats in its slabs. */
 #include "billboard/tile_rays.h"
 
+#include <string.h>
+
 static const float HALF_LOG2_E = 0.72134752F;
 
 /* What a splat adds to each channel behind the first, as factors on its optical depth. `splat` is its place in the
  * octree's order. */
 static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade, float *out) {
   if (job->is_uniform) return;
+  if (job->values != NULL) {
+    memcpy(out, job->values + 3 * (int64_t)splat, 3 * sizeof *out);
+    return;
+  }
   const uint32_t index = job->octree->indices[splat];
   const fum_particles *set = fum_scene_particles_of(job->scene, index);
   const int64_t i = index - set->offset;

@@ -98,11 +98,25 @@ enum {
   FUM_PASS_LIGHT_SHADOW = 6, /**< of one light */
   FUM_PASS_OPACITY = 7,
   FUM_PASS_DEPTH_FRONT = 8,
-  FUM_PASS_DEPTH_BACK = 9
+  FUM_PASS_DEPTH_BACK = 9,
+  FUM_PASS_ALBEDO = 10,
+  FUM_PASS_VECTOR = 11,
+  FUM_PASS_SOLID_SHADOW = 12,
+  FUM_PASS_LIGHT_SOLID_SHADOW = 13, /**< of one light */
+  FUM_PASS_ERROR = 14,
+  FUM_PASS_CRYPTO_OBJECT = 15 /**< of two ranks */
 };
 
 /** Sets by which lights are linked to what they shine on and to what blocks them. */
 enum { FUM_LINK_SETS = 64 };
+/** Of what a pass is one among several (fum_pass_info.per). */
+enum {
+  FUM_PER_PICTURE = 0, /**< there is one */
+  FUM_PER_LIGHT = 1,   /**< one for every light */
+  FUM_PER_RANKS = 2    /**< one for every two ranks of Cryptomatte, at most FUM_MAX_RANK_PAIRS */
+};
+
+enum { FUM_MAX_RANK_PAIRS = 8 };
 
 typedef struct fum_context fum_context;
 typedef struct fum_scene fum_scene;
@@ -180,7 +194,7 @@ typedef struct fum_particles_desc {
   const float *densities;    /**< [count] peak extinction, 1/m */
   const float *albedos;      /**< [3 count] single-scattering albedo, 0..1 */
   const float *emissions;    /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
-  const float *velocities;   /**< [3 count] m/s; for motion blur, not used by any pass yet */
+  const float *velocities;   /**< [3 count] world space, m a frame; for the pass Vector. NULL: at rest */
   const uint64_t *ids;       /**< [count] stable identity of each particle; default: 0, 1, 2... */
   float radius;              /**< default 0.1 */
   float density;             /**< default 1 */
@@ -192,6 +206,7 @@ typedef struct fum_particles_desc {
 
   const float *extinction_colors; /**< [3 count] factors on the density for red, green and blue light, 0 or more */
   float extinction_color[3];      /**< default 1 */
+  const char *matte_name;         /**< UTF-8: what Cryptomatte calls them; sets of one name are one. NULL: `name` */
 } fum_particles_desc;
 
 FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
@@ -282,6 +297,10 @@ typedef struct fum_camera {
   double clip_start, clip_end;  /**< depth along the axis, m, 0 <= start < end; default 0.1, 1000. Smoke nearer than
                                      clip_start or farther than clip_end isn't drawn */
   int32_t width, height;        /**< pixels, 1..65536; default 512, 512 */
+  int32_t moves;                /**< 1: where it is one frame before and one frame after is given below; for the pass
+                                     Vector. Default 0 */
+  double previous_world_from_camera[16], previous_window[4];
+  double next_world_from_camera[16], next_window[4];
 } fum_camera;
 
 FUM_API void fum_camera_init(fum_camera *camera);
@@ -296,7 +315,7 @@ typedef struct fum_pass_info {
   const char *channels;    /**< a letter a channel: "RGBA", "Z" */
   const char *kind;        /**< "COLOR", "VALUE" or "VECTOR" */
   const char *description; /**< a sentence with units */
-  int32_t of_light;        /**< 1: there is one for every light */
+  int32_t per;             /**< FUM_PER_ */
 } fum_pass_info;
 
 /** Pass `index` of the table in `*out_info`; FUM_ERROR_ARGUMENT past its end. */
@@ -304,9 +323,10 @@ FUM_API int32_t fum_pass_get(int32_t index, fum_pass_info *out_info);
 
 /** A pass asked for and where its pixels go. Only what is asked for is computed. */
 typedef struct fum_pass_buffer {
-  int32_t pass;        /**< FUM_PASS_ */
-  int32_t light;       /**< number of the light, of passes that there are for every light; 0 else */
-  float *pixels;       /**< [height][width][channel_count], written only when the render succeeds */
+  int32_t pass;   /**< FUM_PASS_ */
+  int32_t number; /**< of the light, or of the two ranks (0: the first two), of passes of which there are several; 0
+                     else */
+  float *pixels;  /**< [height][width][channel_count], written only when the render succeeds */
   int64_t pixels_size; /**< number of floats at `pixels`; checked */
 } fum_pass_buffer;
 
@@ -366,6 +386,12 @@ FUM_API int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *se
  */
 FUM_API int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
                                      const float *positions, const float *normals, float *out_irradiance);
+
+/**
+ * What Cryptomatte calls an object of this name (UTF-8): MurmurHash3 of 32 bits, seed 0, some of its bits changed so
+ * that it is a number as a float (Friedman and Jones 2015). The pass holds these bits as float.
+ */
+FUM_API uint32_t fum_crypto_hash(const char *name);
 
 /* ---- Reference -------------------------------------------------------------------------------------------------- */
 

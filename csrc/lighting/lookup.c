@@ -45,3 +45,12 @@ double fum_lattice_look_up(const fum_lattice *lattice, const fum_slabs *slabs, i
   const double bow = (double)fum_lattice_bow(held, ranges);
   return fmax(0.0, (double)held[1] + ((double)held[2] - (double)held[1]) * share + bow * 4.0 * share * (1.0 - share));
 }
+
+double fum_lattice_depth(const fum_lattice *lattice, const fum_slabs *slabs, const fum_lamp *lamp, int32_t light,
+                         const double window[2], double range, const double position[3]) {
+  const double held = fum_lattice_look_up(lattice, slabs, light, window, range);
+  if (!fum_lattice_is_per_metre(lamp)) return held;
+  const double x = position[0] - (double)lamp->position.x, y = position[1] - (double)lamp->position.y;
+  const double z = position[2] - (double)lamp->position.z;
+  return held * sqrt(x * x + y * y + z * z);
+}

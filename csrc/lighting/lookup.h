@@ -34,4 +34,8 @@ static inline float fum_lattice_bow(const float held[4], const float ranges[4]) 
 double fum_lattice_look_up(const fum_lattice *lattice, const fum_slabs *slabs, int32_t light, const double window[2],
                            double range);
 
+/* Optical depth to the light at that place, which is at `position` in local space. */
+double fum_lattice_depth(const fum_lattice *lattice, const fum_slabs *slabs, const fum_lamp *lamp, int32_t light,
+                         const double window[2], double range, const double position[3]);
+
 #endif

@@ -276,22 +276,14 @@ void fum_meter_listen(void *user, const fum_lamp *lamp, const fum_emitter *sampl
   meter->seconds += fum_now_s() - start_s;
 }
 
-static double lattice_depth(const fum_meter *meter, const fum_slabs *slabs, const fum_lattice *lattice, int32_t light,
-                            const fum_meter_point *point) {
-  const fum_lamp *lamp = &meter->lamps[light];
-  const double held = fum_lattice_look_up(lattice, slabs, light, point->window, point->range);
-  if (!fum_lattice_is_per_metre(lamp)) return held;
-  const double x = point->position[0] - (double)lamp->position.x, y = point->position[1] - (double)lamp->position.y;
-  const double z = point->position[2] - (double)lamp->position.z;
-  return held * sqrt(x * x + y * y + z * z);
-}
-
 void fum_meter_ask(fum_meter *meter, const fum_slabs *slabs, const fum_lattice *lattice) {
   const double start_s = fum_now_s();
   for (int32_t l = 0; l < meter->lamp_count; l++) {
     for (int64_t n = 0; n < meter->count; n++) {
       const int64_t i = l * meter->count + n;
-      meter->found[i] = meter->sent[i] * exp(-lattice_depth(meter, slabs, lattice, l, &meter->points[n]));
+      const fum_meter_point *p = &meter->points[n];
+      const double depth = fum_lattice_depth(lattice, slabs, &meter->lamps[l], l, p->window, p->range, p->position);
+      meter->found[i] = meter->sent[i] * exp(-depth);
     }
   }
   meter->seconds += fum_now_s() - start_s;

@@ -133,9 +133,11 @@ static float depth_along(tile *t, const fum_segment *segment) {
 
 /* The optical depth that is looked for on a ray with that of `whole`; above it where it isn't reached. */
 static float wanted_depth(fum_depth_of of, float whole) {
-  const float share = of == FUM_DEPTH_OF_FRONT ? 0.05F : 0.95F, unseen = 1e-4F;
+  static const float shares[] = {
+      [FUM_DEPTH_OF_FRONT] = 0.05F, [FUM_DEPTH_OF_MIDDLE] = 0.5F, [FUM_DEPTH_OF_BACK] = 0.95F};
+  const float unseen = 1e-4F;
   if (of == FUM_DEPTH_OF_HALF) return HALF_DEPTH;
-  return whole > unseen ? -log1pf(share * expm1f(-whole)) : INFINITY;
+  return whole > unseen ? -log1pf(shares[of] * expm1f(-whole)) : INFINITY;
 }
 
 /* Length along the segment at which the optical depth is the one looked for; its whole length if it isn't reached.

@@ -9,9 +9,10 @@
 
 /* Which depth. */
 typedef enum fum_depth_of {
-  FUM_DEPTH_OF_HALF,  /* where half of the light gets through to the camera */
-  FUM_DEPTH_OF_FRONT, /* where a twentieth of the pixel's opacity lies in front */
-  FUM_DEPTH_OF_BACK   /* where a twentieth of it lies behind */
+  FUM_DEPTH_OF_HALF,   /* where half of the light gets through to the camera */
+  FUM_DEPTH_OF_FRONT,  /* where a twentieth of the pixel's opacity lies in front */
+  FUM_DEPTH_OF_MIDDLE, /* where half of it does */
+  FUM_DEPTH_OF_BACK    /* where a twentieth of it lies behind */
 } fum_depth_of;
 
 /* out_depths [height][width]. `octree` of all particles; `reaches` of fum_reach_find; `solid_depths`

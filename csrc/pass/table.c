@@ -2,34 +2,65 @@
 #include "pass/table.h"
 
 static const fum_pass_info TABLE[] = {
-    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity", 0},
+    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity",
+     FUM_PER_PICTURE},
     {FUM_PASS_DEPTH, 1, "Depth", "Z", "VALUE",
      "Depth along the camera's axis, m, at which half of the light gets through to the camera; of the solid there "
      "where "
      "the smoke in front is thinner; the end of the clip range where there is neither",
-     0},
+     FUM_PER_PICTURE},
     {FUM_PASS_POSITION, 3, "Position", "XYZ", "VECTOR",
-     "Place in the world, m, at the depth of the pass Depth; 0 where there is neither smoke nor solid", 0},
+     "Place in the world, m, at the depth of the pass Depth; 0 where there is neither smoke nor solid",
+     FUM_PER_PICTURE},
     {FUM_PASS_EMISSION, 3, "Emit", "RGB", "COLOR",
-     "What smoke emits by itself, as it arrives at the camera, W/(m^2 sr): a part of Combined", 0},
+     "What smoke emits by itself, as it arrives at the camera, W/(m^2 sr): a part of Combined", FUM_PER_PICTURE},
     {FUM_PASS_SHADOW, 3, "Shadow", "RGB", "COLOR",
      "Of the light that reaches the solid seen in a pixel, the share that smoke lets through, 0 to 1; 1 where there is "
      "no solid or no light. Shadows of solids and the angle to the light count with smoke and without",
-     0},
+     FUM_PER_PICTURE},
     {FUM_PASS_LIGHT, 3, "Light", "RGB", "COLOR",
      "What smoke scatters of one light, as it arrives at the camera, W/(m^2 sr): with those of the other lights and "
      "Emit it adds up to Combined",
-     1},
-    {FUM_PASS_LIGHT_SHADOW, 3, "Light Shadow", "RGB", "COLOR", "The pass Shadow, of one light alone", 1},
+     FUM_PER_LIGHT},
+    {FUM_PASS_LIGHT_SHADOW, 3, "Light Shadow", "RGB", "COLOR", "The pass Shadow, of one light alone", FUM_PER_LIGHT},
     {FUM_PASS_OPACITY, 1, "Opacity", "A", "VALUE",
-     "The channel A of Combined, 0 to 1, whatever is put behind the smoke", 0},
+     "The channel A of Combined, 0 to 1, whatever is put behind the smoke", FUM_PER_PICTURE},
     {FUM_PASS_DEPTH_FRONT, 1, "Depth Front", "Z", "VALUE",
      "Depth along the camera's axis, m, in front of which a twentieth of the pixel's opacity lies; of the solid, or "
      "the end of "
      "the clip range, where there is no smoke",
-     0},
+     FUM_PER_PICTURE},
     {FUM_PASS_DEPTH_BACK, 1, "Depth Back", "Z", "VALUE",
-     "Depth along the camera's axis, m, behind which a twentieth of the pixel's opacity lies; else as Depth Front", 0},
+     "Depth along the camera's axis, m, behind which a twentieth of the pixel's opacity lies; else as Depth Front",
+     FUM_PER_PICTURE},
+    {FUM_PASS_ALBEDO, 3, "Albedo", "RGB", "COLOR",
+     "Share of the light that meets smoke which it scatters, 0 to 1, times opacity: what Combined would be if light of "
+     "1 "
+     "came through unhindered and were scattered evenly",
+     FUM_PER_PICTURE},
+    {FUM_PASS_VECTOR, 4, "Vector", "XYZW", "VECTOR",
+     "Motion of the smoke in pixels, right and up: X and Y from this frame to the one before, Z and W from the one "
+     "after "
+     "to this; the mean over what adds to the pixel's opacity, 0 without smoke",
+     FUM_PER_PICTURE},
+    {FUM_PASS_SOLID_SHADOW, 3, "Solid Shadow", "RGB", "COLOR",
+     "Of the light that smoke would scatter to the camera if solids let all light through, the share that it does, 0 "
+     "to "
+     "1; 1 where there is no smoke or no light",
+     FUM_PER_PICTURE},
+    {FUM_PASS_LIGHT_SOLID_SHADOW, 3, "Light Solid Shadow", "RGB", "COLOR", "The pass Solid Shadow, of one light alone",
+     FUM_PER_LIGHT},
+    {FUM_PASS_ERROR, 1, "Error", "V", "VALUE",
+     "Transmittance to the lights that the picture was made with, less that found exactly, -1 to 1: at the place in "
+     "front "
+     "of which half of the pixel's opacity lies, the mean over the lights weighted with what they send there; 0 "
+     "without "
+     "smoke",
+     FUM_PER_PICTURE},
+    {FUM_PASS_CRYPTO_OBJECT, 4, "CryptoObject", "RGBA", "COLOR",
+     "Cryptomatte: of two ranks the id of some particles, as the bits of a float, and the share of the pixel that they "
+     "cover",
+     FUM_PER_RANKS},
 };
 
 enum { PASS_COUNT = sizeof TABLE / sizeof TABLE[0] };

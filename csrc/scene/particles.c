@@ -158,6 +158,7 @@ static int32_t gather_uniform(fum_context *context, const char *name, const floa
 
 static void free_particles(fum_context *context, fum_particles *set) {
   free(set->name);
+  free(set->matte_name);
   fum_free(context, &set->positions);
   fum_free(context, &set->sigmas);
   fum_free(context, &set->densities);
@@ -254,9 +255,10 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   status = copy_particles(context, desc, name, count, chosen, &set);
   if (status != FUM_OK) goto done;
   set.name = fum_copy_string(name);
+  set.matte_name = fum_copy_string(desc->matte_name != NULL ? desc->matte_name : name);
   fum_particles *grown = realloc(scene->particles, (size_t)(scene->particles_count + 1) * sizeof *grown);
   if (grown != NULL) scene->particles = grown;
-  if (set.name == NULL || grown == NULL) {
+  if (set.name == NULL || set.matte_name == NULL || grown == NULL) {
     status = fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for another set of particles", name);
     goto done;
   }

@@ -8,14 +8,15 @@
 /* A set of particles in the order of their ids; NULL arrays mean the uniform value beside them. */
 typedef struct fum_particles {
   char *name;
-  int64_t offset; /* scene index of its first particle */
+  char *matte_name; /* in Cryptomatte */
+  int64_t offset;   /* scene index of its first particle */
   int64_t count;
   float anisotropy;
   float *positions;                        /* [3 count] world space */
   float *sigmas;                           /* [count] m */
   float *densities;                        /* [count] peak extinction, the mean of red, green and blue, 1/m */
   float *tints;                            /* [3 count] extinction of red, green and blue over their mean, or NULL */
-  float *albedos, *emissions, *velocities; /* [3 count] or NULL */
+  float *albedos, *emissions, *velocities; /* [3 count] or NULL; velocities: world space, m a frame */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
   float albedo[3], emission[3], tint[3];
   int32_t light_set, shadow_set;

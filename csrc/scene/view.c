@@ -83,6 +83,16 @@ int32_t fum_view_init(fum_context *context, const fum_camera *camera, fum_view *
   return FUM_OK;
 }
 
+int32_t fum_view_init_moved(fum_context *context, const fum_camera *camera, bool is_next, fum_view *out_view) {
+  fum_camera moved = *camera;
+  if (camera->moves != 0) {
+    const double *matrix = is_next ? camera->next_world_from_camera : camera->previous_world_from_camera;
+    memcpy(moved.world_from_camera, matrix, sizeof moved.world_from_camera);
+    memcpy(moved.window, is_next ? camera->next_window : camera->previous_window, sizeof moved.window);
+  }
+  return fum_view_init(context, &moved, out_view);
+}
+
 void fum_view_place(fum_view *view, const double origin[3]) {
   double *to_camera = view->camera_from_local;
   for (int row = 0; row < 3; row++) {
@@ -103,6 +113,17 @@ void fum_view_ray(const fum_view *view, double x, double y, double out_start[3],
     out_start[row] = r[3] + (is_perspective ? 0.0 : across);
     out_direction[row] = -r[2] + (is_perspective ? across : 0.0);
   }
+}
+
+bool fum_view_project(const fum_view *view, const double local[3], double out_px[2]) {
+  double camera[3];
+  fum_transform_point(view->camera_from_local, local, camera);
+  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  const double *w = view->window, scale = is_perspective ? -1.0 / camera[2] : 1.0;
+  if (is_perspective && !(-camera[2] > 1e-6)) return false;
+  out_px[0] = (camera[0] * scale - w[0]) / (w[1] - w[0]) * (double)view->width;
+  out_px[1] = (camera[1] * scale - w[2]) / (w[3] - w[2]) * (double)view->height;
+  return true;
 }
 
 /* No fmin and fmax: without their care for NaN they are calls, and this is asked for every particle and face. */

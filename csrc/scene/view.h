@@ -15,12 +15,18 @@ typedef struct fum_view {
 
 int32_t fum_view_init(fum_context *context, const fum_camera *camera, fum_view *out_view);
 
+/* Where a camera that moves is one frame before, or after. */
+int32_t fum_view_init_moved(fum_context *context, const fum_camera *camera, bool is_next, fum_view *out_view);
+
 /* Moves the view to coordinates relative to `origin`. */
 void fum_view_place(fum_view *view, const double origin[3]);
 
 /* The ray through a point of the picture (in pixels, 0, 0 is its lower left corner): start at the camera and direction
  * with unit depth along the axis, so that its parameter is Blender's depth. In local space. */
 void fum_view_ray(const fum_view *view, double x, double y, double out_start[3], double out_direction[3]);
+
+/* Where a point is in the picture, in pixels; false if it isn't in front of the camera. */
+bool fum_view_project(const fum_view *view, const double local[3], double out_px[2]);
 
 /* Rectangle of the window that a sphere (camera space) may cover, within the window; all of it when the sphere is near
  * the camera. Empty (lower >= upper) when the sphere isn't in the frame. */

@@ -222,10 +222,10 @@ def test_depth_range_ends_at_solids() -> None:
 @pytest.mark.parametrize(
     ("wanted", "device", "words"),
     [
-        ([("Light", 1)], "AUTO", "light 1 is not one of the scene's 1 lights"),
-        ([("Light", -1)], "AUTO", "light -1 is not one of the scene's 1 lights"),
-        (["Light"], "AUTO", "one of each light"),
-        ([("Combined", 0)], "AUTO", "isn't one of a light"),
+        ([("Light", 1)], "AUTO", "number 1 is not one of 1 lights of the scene"),
+        ([("Light", -1)], "AUTO", "number -1 is not one of 1 lights of the scene"),
+        (["Light"], "AUTO", "there are several passes 'Light'"),
+        ([("Combined", 0)], "AUTO", "there is one pass 'Combined'"),
         (["Nonsense"], "AUTO", "no pass 'Nonsense'"),
         ([("Light", 0)], "GL", "OpenGL draws all light at once"),
         (["Emit"], "GL", "OpenGL draws all light at once"),

@@ -28,7 +28,8 @@ Names
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
-    PASSES                       mapping of pass names to Pass(name, channels, kind, description, of_light)
+    PASSES                       mapping of pass names to Pass(name, channels, kind, description, per)
+    crypto_hash(name)            the id of a matte_name in the pass CryptoObject
     version(), build_info()
     FumaroleError, Cancelled, ErrorCode
 
@@ -49,7 +50,7 @@ from .camera import Camera
 from .context import Context
 from .errors import Cancelled, ErrorCode, FumaroleError
 from .image import write_exr
-from .passes import Pass, passes as _passes
+from .passes import Pass, crypto_hash, passes as _passes
 from .reference import ReferenceResult, ReferenceStats, render_reference
 from .render import Result, Stats, Wanted, irradiance, render, transmittance
 from .scene import Scene
@@ -70,6 +71,7 @@ __all__ = [
     "Settings",
     "Stats",
     "build_info",
+    "crypto_hash",
     "irradiance",
     "render",
     "render_reference",

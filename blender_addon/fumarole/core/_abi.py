@@ -42,7 +42,17 @@ FUM_PASS_LIGHT_SHADOW = 6
 FUM_PASS_OPACITY = 7
 FUM_PASS_DEPTH_FRONT = 8
 FUM_PASS_DEPTH_BACK = 9
+FUM_PASS_ALBEDO = 10
+FUM_PASS_VECTOR = 11
+FUM_PASS_SOLID_SHADOW = 12
+FUM_PASS_LIGHT_SOLID_SHADOW = 13
+FUM_PASS_ERROR = 14
+FUM_PASS_CRYPTO_OBJECT = 15
 FUM_LINK_SETS = 64
+FUM_PER_PICTURE = 0
+FUM_PER_LIGHT = 1
+FUM_PER_RANKS = 2
+FUM_MAX_RANK_PAIRS = 8
 FUM_VISIBLE_TO_SHADOW = 1
 FUM_VISIBLE_TO_CAMERA = 2
 
@@ -89,6 +99,7 @@ class fum_particles_desc(ctypes.Structure):
         ("visible_to_camera", ctypes.c_int32),
         ("extinction_colors", ctypes.POINTER(ctypes.c_float)),
         ("extinction_color", ctypes.c_float * 3),
+        ("matte_name", ctypes.c_char_p),
     ]
 
 
@@ -153,6 +164,11 @@ class fum_camera(ctypes.Structure):
         ("clip_end", ctypes.c_double),
         ("width", ctypes.c_int32),
         ("height", ctypes.c_int32),
+        ("moves", ctypes.c_int32),
+        ("previous_world_from_camera", ctypes.c_double * 16),
+        ("previous_window", ctypes.c_double * 4),
+        ("next_world_from_camera", ctypes.c_double * 16),
+        ("next_window", ctypes.c_double * 4),
     ]
 
 
@@ -164,14 +180,14 @@ class fum_pass_info(ctypes.Structure):
         ("channels", ctypes.c_char_p),
         ("kind", ctypes.c_char_p),
         ("description", ctypes.c_char_p),
-        ("of_light", ctypes.c_int32),
+        ("per", ctypes.c_int32),
     ]
 
 
 class fum_pass_buffer(ctypes.Structure):
     _fields_ = [
         ("pass", ctypes.c_int32),
-        ("light", ctypes.c_int32),
+        ("number", ctypes.c_int32),
         ("pixels", ctypes.POINTER(ctypes.c_float)),
         ("pixels_size", ctypes.c_int64),
     ]
@@ -278,6 +294,7 @@ FUNCTIONS = {
     "fum_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(fum_render_stats)]),
     "fum_scene_transmittance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
     "fum_scene_irradiance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
+    "fum_crypto_hash": (ctypes.c_uint32, [ctypes.c_char_p]),
     "fum_reference_settings_init": (None, [ctypes.POINTER(fum_reference_settings)]),
     "fum_reference_stats_init": (None, [ctypes.POINTER(fum_reference_stats)]),
     "fum_reference_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_reference_settings), ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(fum_reference_stats)]),

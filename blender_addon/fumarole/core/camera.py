@@ -24,6 +24,7 @@ class Camera:
     matrix: (4, 4) float64, world from camera.
     window: (left, right, bottom, top) of the picture at unit depth, in metres for an orthographic camera.
     width, height: pixels. type: "PERSPECTIVE" or "ORTHOGRAPHIC". clip: (start, end), depth along the axis, m.
+    motion: the camera one frame before and one frame after, None where it stands still. Set by moving().
     """
 
     matrix: NDArray[np.float64]
@@ -32,6 +33,7 @@ class Camera:
     height: int
     type: str
     clip: tuple[float, float]
+    motion: tuple[Camera, Camera] | None = None
 
     def __init__(
         self,
@@ -102,7 +104,23 @@ class Camera:
         left, right, bottom, top = self.window
         step_x, step_y = (right - left) / self.width, (top - bottom) / self.height
         window = (left + x0 * step_x, left + x1 * step_x, bottom + y0 * step_y, bottom + y1 * step_y)
-        return self.from_window(self.matrix, window, x1 - x0, y1 - y0, self.type, self.clip)
+        part = self.from_window(self.matrix, window, x1 - x0, y1 - y0, self.type, self.clip)
+        return part if self.motion is None else part.moving(*(other.crop(x0, y0, x1, y1) for other in self.motion))
+
+    def moving(self, previous: Camera, next: Camera) -> Camera:
+        """The same camera, which is at `previous` one frame before and at `next` one frame after, for the pass Vector.
+
+        Raises FumaroleError when they differ in type or size.
+        """
+        for other in (previous, next):
+            if (other.type, other.width, other.height) != (self.type, self.width, self.height):
+                raise argument_error(
+                    f"camera: it moves from {other.type} {other.width} x {other.height} to {self.type} "
+                    f"{self.width} x {self.height}"
+                )
+        camera = self.from_window(self.matrix, self.window, self.width, self.height, self.type, self.clip)
+        object.__setattr__(camera, "motion", (previous, next))
+        return camera
 
     def _set(
         self,
@@ -128,4 +146,11 @@ class Camera:
         camera.window[:] = self.window
         camera.clip_start, camera.clip_end = self.clip
         camera.width, camera.height = self.width, self.height
+        if self.motion is not None:
+            previous, next = self.motion
+            camera.moves = 1
+            camera.previous_world_from_camera[:] = previous.matrix.ravel()
+            camera.previous_window[:] = previous.window
+            camera.next_world_from_camera[:] = next.matrix.ravel()
+            camera.next_window[:] = next.window
         return camera

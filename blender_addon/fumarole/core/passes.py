@@ -12,11 +12,15 @@ from . import _abi
 from ._library import library
 
 
+_PER = {_abi.FUM_PER_PICTURE: "PICTURE", _abi.FUM_PER_LIGHT: "LIGHT", _abi.FUM_PER_RANKS: "RANKS"}
+
+
 @dataclasses.dataclass(frozen=True)
 class Pass:
     """A render pass: its name, a letter a channel ("RGBA", "Z"), and what it is.
 
-    kind: "COLOR", "VALUE" or "VECTOR". description: a sentence with units. of_light: there is one for every light.
+    kind: "COLOR", "VALUE" or "VECTOR". description: a sentence with units. per: "PICTURE" where there is one, "LIGHT"
+    where there is one for every light, "RANKS" where there is one for every two ranks of Cryptomatte.
     """
 
     name: str
@@ -24,7 +28,7 @@ class Pass:
     kind: str
     description: str
     number: int
-    of_light: bool
+    per: str
 
 
 @functools.cache
@@ -35,5 +39,10 @@ def passes() -> Mapping[str, Pass]:
     while library().fum_pass_get(len(table), ctypes.byref(info)) == _abi.FUM_OK:
         name = info.name.decode()
         texts = (text.decode() for text in (info.channels, info.kind, info.description))
-        table[name] = Pass(name, *texts, getattr(info, "pass"), bool(info.of_light))
+        table[name] = Pass(name, *texts, getattr(info, "pass"), _PER[info.per])
     return table
+
+
+def crypto_hash(name: str) -> int:
+    """What Cryptomatte calls an object of this name: 32 bits, which its pass holds as a float."""
+    return int(library().fum_crypto_hash(name.encode()))

@@ -22,7 +22,7 @@ from .settings import SOLVERS, Settings
 Pixels = NDArray[np.float32]
 
 Wanted = str | tuple[str, int]
-"""A pass by its name; with the number of a light, where there is one for every light."""
+"""A pass by its name; with a number, where there is one for every light or for every two ranks of Cryptomatte."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,7 +104,7 @@ def render(
     scene: Scene, camera: Camera, settings: Settings | None = None, passes: Sequence[Wanted] = ("Combined", "Depth")
 ) -> Result:
     """Lights and draws `scene` for `camera`. Only the passes asked for are computed; core.PASSES lists them. Those that
-    there are for every light are asked for with its number: ("Light", 2).
+    are one of several are asked for with its number: ("Light", 2).
 
     Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
     passes one half, else that of the solid there, else the clip end.
@@ -118,9 +118,9 @@ def render(
         name: np.empty((camera.height, camera.width, len(item.channels)), np.float32) for name, item, _ in wanted
     }
     buffers = (_abi.fum_pass_buffer * max(1, len(wanted)))()
-    for buffer, (name, item, light) in zip(buffers, wanted):
+    for buffer, (name, item, number) in zip(buffers, wanted):
         setattr(buffer, "pass", item.number)
-        buffer.light = light
+        buffer.number = number
         buffer.pixels = _arrays.pointer(pixels[name])
         buffer.pixels_size = pixels[name].size
     stats = _abi.fum_render_stats()
@@ -197,13 +197,13 @@ def _settings(settings: Settings | None) -> Any:
 
 
 def _find_pass(wanted: Wanted) -> tuple[Pass, int]:
-    """The pass and the number of its light, 0 where there is none."""
-    name, light = (wanted, None) if isinstance(wanted, str) else wanted
+    """The pass and its number, 0 where there is none."""
+    name, number = (wanted, None) if isinstance(wanted, str) else wanted
     table = pass_table()
     if name not in table:
         raise argument_error(f"there is no pass {name!r}; passes are {', '.join(table)}")
-    if table[name].of_light and light is None:
-        raise argument_error(f"pass {name!r} is one of each light: ask for it as ({name!r}, number)")
-    if not table[name].of_light and light is not None:
-        raise argument_error(f"pass {name!r} isn't one of a light: ask for it by its name alone")
-    return table[name], 0 if light is None else _arrays.whole(light, "light")
+    if table[name].per != "PICTURE" and number is None:
+        raise argument_error(f"there are several passes {name!r}: ask for one as ({name!r}, number)")
+    if table[name].per == "PICTURE" and number is not None:
+        raise argument_error(f"there is one pass {name!r}: ask for it by its name alone")
+    return table[name], 0 if number is None else _arrays.whole(number, "number")

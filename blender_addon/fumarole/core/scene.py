@@ -73,6 +73,7 @@ class Scene:
         shadow_set: int = 0,
         visible_to_camera: bool = True,
         extinction_color: ArrayLike | None = None,
+        matte_name: str | None = None,
     ) -> None:
         """Adds n particles, Gaussians of sigma = radius / 2. Arrays are copied; float32 ones without another copy.
 
@@ -81,7 +82,7 @@ class Scene:
         density: a number or (n,), extinction at the centre, 1/m, at least 0; default 1.
         albedo: a number, an RGB triple or (n, 3), single-scattering albedo 0..1; default 0.8.
         emission: the same shapes, radiance emitted per metre at the centre, W/(m^3 sr); default 0.
-        velocity: (3,) or (n, 3), m/s.
+        velocity: (3,) or (n, 3), m a frame, for the pass Vector; default 0.
         ident: (n,) integers from 0 on, a stable identity of each particle; default 0, 1, 2...
         anisotropy: g of the Henyey-Greenstein phase function, above -1 and below 1.
         name: for errors and warnings.
@@ -90,6 +91,7 @@ class Scene:
         visible_to_camera: False: the particles aren't drawn, but block light all the same.
         extinction_color: an RGB triple or (n, 3), factors on the density for red, green and blue light, at least 0;
             default 1. Light that passes is tinted by what is left: an artistic colour of shadows as well.
+        matte_name: what Cryptomatte calls them; sets of one name are one. Default: name.
 
         Single particles with a value that is not finite or out of range are dropped, with a warning that counts them.
         Raises FumaroleError for wrong shapes and for numbers out of range.
@@ -117,6 +119,8 @@ class Scene:
             if idents.shape != (count,):
                 raise argument_error(f"ident of {name!r} has shape {idents.shape}, expected ({count},)")
             _arrays.point(description, "ids", idents)
+        if matte_name is not None:
+            description.matte_name = matte_name.encode()
         self.context.call("fum_scene_add_particles", self.handle, ctypes.byref(description))
 
     def add_mesh(

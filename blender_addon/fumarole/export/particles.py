@@ -23,9 +23,10 @@ class Particles:
     name: str
     positions: np.ndarray  # (n, 3) float32
     radii: np.ndarray  # (n,) float32, m; two standard deviations
-    velocities: np.ndarray | None  # (n, 3) float32, m/s
+    velocities: np.ndarray | None  # (n, 3) float32, m a frame
     ids: np.ndarray  # (n,) uint64, the same particle's in every frame
     volume: Volume
+    matte_name: str  # in Cryptomatte
 
 
 def is_smoke(system: bpy.types.ParticleSystem) -> bool:
@@ -65,9 +66,8 @@ def export_system(
     if len(alive) == 0:
         return None
     # Blender moves a particle by velocity x timestep a frame, whatever the frame rate.
-    frame_rate = scene.render.fps / scene.render.fps_base
     positions = _read(system, "location", count, 3, np.float32)[alive]
-    velocities = _read(system, "velocity", count, 3, np.float32)[alive] * np.float32(settings.timestep * frame_rate)
+    velocities = _read(system, "velocity", count, 3, np.float32)[alive] * np.float32(settings.timestep)
     radii = _read(system, "size", count, 1, np.float32)[alive] * np.float32(settings.fumarole.radius_scale)
     if instance_matrix is not None:
         positions = transform_points(instance_matrix, positions)
@@ -75,7 +75,9 @@ def export_system(
         radii = radii * np.float32(length_scale(instance_matrix))
     volume = read_volume(_material(owner, settings.material), name, warn)
     ids = stable_ids(f"{owner.name_full}\0{system.name}\0{instance_key}", alive)
-    return Particles(name, positions, radii, velocities, ids, volume)
+    is_only = len(smoke_systems(owner)) == 1
+    matte_name = owner.name if is_only else f"{owner.name}.{system.name}"
+    return Particles(name, positions, radii, velocities, ids, volume, matte_name)
 
 
 def stable_ids(key: str, indices: np.ndarray) -> np.ndarray:

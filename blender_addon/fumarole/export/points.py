@@ -18,11 +18,16 @@ _FIELDS = {"FLOAT_VECTOR": "vector", "FLOAT2": "vector", "FLOAT_COLOR": "color",
 
 
 def export_points(
-    owner: bpy.types.Object, matrix: np.ndarray, instance_key: str, radius_scale: float, warn: Warn
+    owner: bpy.types.Object,
+    matrix: np.ndarray,
+    instance_key: str,
+    radius_scale: float,
+    frame_rate: float,
+    warn: Warn,
 ) -> Particles | None:
     """The points of an evaluated point cloud as particles, or None if there are none.
 
-    `radius_scale` multiplies their radii.
+    `radius_scale` multiplies their radii. `frame_rate`: frames a second.
 
     Attributes by name: `radius` (m, without it 0.01), `velocity` (m/s), `id` (whole number), and those that the volume
     material asks for: Principled Volume's density and colour attribute, and Attribute nodes.
@@ -44,9 +49,10 @@ def export_points(
         name,
         transform_points(matrix, positions),
         radii * np.float32(scale),
-        None if velocities is None else transform_vectors(matrix, velocities),
+        None if velocities is None else transform_vectors(matrix, velocities) / np.float32(frame_rate),
         stable_ids(f"{owner.name_full}\0{instance_key}", np.arange(count) if numbers is None else numbers),
         volume,
+        owner.name,
     )
 
 

@@ -74,6 +74,7 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
             ident=item.ids,
             anisotropy=volume.anisotropy,
             name=item.name,
+            matte_name=item.matte_name,
         )
     for item in scene.meshes:
         result.add_mesh(
@@ -106,7 +107,7 @@ def fingerprint(scene: Scene) -> bytes:
     result = hashlib.blake2b(digest_size=32)
     for item in scene.particles:
         volume = item.volume
-        _hash(result, "particles", item.name, volume.anisotropy)
+        _hash(result, "particles", item.name, item.matte_name, volume.anisotropy)
         _hash(result, item.positions, item.radii, item.velocities, item.ids)
         _hash(result, volume.extinction, volume.albedo, volume.emission)
     for item in scene.meshes:
@@ -175,12 +176,16 @@ def _export_object(
         # Points of geometry nodes come as a passing object: the settings are those of the object that has the nodes.
         settings = (instance.instance_object if instance.is_instance else owner).fumarole
         if settings.smoke != "NOT_SMOKE":
-            _add(scene.particles, export_points(owner, matrix, key, settings.radius_scale, scene.warn))
+            _add(scene.particles, export_points(owner, matrix, key, settings.radius_scale, _frame_rate(depsgraph.scene.render), scene.warn))
             _warn_of_visibility(owner, scene)
     elif owner.type == "VOLUME":
         scene.warn(f"Object '{owner.name_full}': volumes aren't drawn yet")
     elif owner.type == "CURVES":
         scene.warn(f"Object '{owner.name_full}': hair casts no shadow on smoke yet")
+
+
+def _frame_rate(render: bpy.types.RenderSettings) -> float:
+    return render.fps / render.fps_base
 
 
 def _add(items: list, item: object | None) -> None:
