@@ -96,7 +96,8 @@ def test_panels_draw_every_setting(scene: bpy.types.Scene) -> None:
     settings = [name for name in scene.fumarole.bl_rna.properties.keys() if name not in ("rna_type", "name")]
     assert set(settings) <= set(drawn)
     own = {name for name in bpy.context.view_layer.fumarole.bl_rna.properties.keys() if name.startswith("use_pass")}
-    assert {*passes.SWITCHES.values(), *own} == set(draw("FUMAROLE_PT_passes"))
+    cryptomatte = {"use_pass_cryptomatte_object", "pass_cryptomatte_depth"}
+    assert {*passes.SWITCHES.values(), *own, *cryptomatte} == set(draw("FUMAROLE_PT_passes"))
 
 
 def test_particle_and_object_panels(scene: bpy.types.Scene) -> None:
@@ -134,10 +135,12 @@ def test_every_pass_of_the_library_is_reachable() -> None:
     layer = bpy.context.view_layer
     scenes.light()
     layer.update()
-    layer.fumarole.use_pass_lights = layer.fumarole.use_pass_light_shadows = True
-    of_lights = {item.item.name for item in passes.enabled(layer)} - {"Combined"}
-    assert of_lights == {name for name, item in core.PASSES.items() if item.of_light}
-    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *passes.OWN_SWITCHES, *of_lights}
+    for switch, _called in passes.LIGHT_SWITCHES.values():
+        setattr(layer.fumarole, switch, True)
+    layer.use_pass_cryptomatte_object = True
+    several = {item.item.name for item in passes.enabled(layer)} - {"Combined"}
+    assert several == {name for name, item in core.PASSES.items() if item.of != "PICTURE"}
+    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *passes.OWN_SWITCHES, *several}
     for name, switch in passes.OWN_SWITCHES.items():
         setattr(layer.fumarole, switch, False)
         assert name not in [item.name for item in passes.enabled(layer)]

@@ -82,7 +82,8 @@ def test_attributes_by_name(scene: bpy.types.Scene) -> None:
     (item,) = scenes.export().particles
     assert np.allclose(item.volume.extinction, [4, 8, 12])
     assert np.allclose(item.volume.albedo, np.array(colours)[:, :3])
-    assert np.allclose(item.velocities, [(0, 1, 0), (-1, 0, 0), (0, 0, 1)], atol=1e-6)
+    a_frame = scene.render.fps_base / scene.render.fps
+    assert np.allclose(item.velocities, np.array([(0, 1, 0), (-1, 0, 0), (0, 0, 1)]) * a_frame, atol=1e-6)
     assert list(item.ids & np.uint64(0xFFFFFFFF)) == [30, 10, 20]
 
 
