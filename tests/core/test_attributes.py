@@ -178,3 +178,25 @@ def test_combined_is_the_same_with_them() -> None:
     plain = core.render(two_puffs(), camera(), passes=["Combined"])
     result = core.render(two_puffs(), camera(), passes=["Combined", "Albedo", "Vector", ("CryptoObject", 0)])
     assert (plain["Combined"] == result["Combined"]).all()
+
+
+def test_passes_of_smoke_that_tints_light() -> None:
+    """Red, green and blue see other opacities: mattes and motion are the mean of them, as opacity is."""
+    scene = core.Scene()
+    red = {"extinction_color": (2.0, 0.6, 0.4)}
+    scene.add_particles([(0, 0, 1)], radius=0.5, density=2.0, name="Front", velocity=(0.1, 0, 0), **red)
+    scene.add_particles([(0, 0, -1)], radius=0.5, density=4.0, name="Behind", albedo=(0.9, 0.5, 0.1))
+    view = camera(type="ORTHOGRAPHIC", ortho_scale=6.5, width=65, height=65)
+    result = core.render(scene, view, passes=("Combined", "Albedo", "Vector", ("CryptoObject", 0)))
+    front = np.exp(-2.0 * np.array(red["extinction_color"]) * 0.25 * np.sqrt(2 * np.pi))
+    behind = np.exp(-4.0 * 0.25 * np.sqrt(2 * np.pi))
+    pairs = [result["CryptoObject", 0]]
+    assert coverage(pairs, "Front")[32, 32] == pytest.approx((1 - front).mean(), abs=2e-3)
+    assert coverage(pairs, "Behind")[32, 32] == pytest.approx((front * (1 - behind)).mean(), abs=2e-3)
+    total = coverage(pairs, "Front") + coverage(pairs, "Behind")
+    assert np.abs(total - result["Combined"][..., 3]).max() < 2e-3
+    assert (pairs[0][..., 1] >= pairs[0][..., 3]).all()
+    albedo = (1 - front) * 0.8 + front * (1 - behind) * (0.9, 0.5, 0.1)
+    assert result["Albedo"][32, 32] == pytest.approx(albedo, abs=2e-3)
+    shares = np.array([1 - front, front * (1 - behind)])
+    assert result["Vector"][32, 32, 0] == pytest.approx((-shares[0] / shares.sum(0)).mean(), abs=5e-3)
