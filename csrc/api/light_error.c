@@ -94,6 +94,7 @@ static int32_t add_lights(fum_rendering *r, const fum_lighting *lighting, const 
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *exact, "pass Error", &exact);
   for (int32_t l = 0; l < lattice->light_count && status == FUM_OK; l++) {
     const fum_lamp *lamp = &lighting->lamps[l];
+    if (!lamp->lights_smoke) continue;
     const float count = (float)lattice->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
     status = fum_gather_depths(&g, lamp, progress, exact, NULL);
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256)

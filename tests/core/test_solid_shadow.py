@@ -126,6 +126,14 @@ def test_error_is_signed_light_used_less_light_found() -> None:
         assert 0 < np.abs(error).max() < 0.02
 
 
+def test_error_leaves_out_lights_that_shine_on_no_smoke() -> None:
+    scene = cloud(density=2.0)
+    scene.add_light("SUN", SIDEWAYS, power=3.0)
+    alone = core.render(scene, camera(), passes=["Error"])["Error"]
+    scene.add_light("POINT", at(0, 0, 4), power=500.0, light_sets=[5])
+    assert (core.render(scene, camera(), passes=["Error"])["Error"] == alone).all()
+
+
 def test_passes_do_not_depend_on_threads() -> None:
     pictures = []
     for threads in (1, 3):
