@@ -54,3 +54,8 @@ def set_pass_pixels(render_pass: bpy.types.RenderPass, pixels: np.ndarray) -> No
     """Fills a pass from (height, width, channels) float32, first row at the bottom."""
     pixels = np.ascontiguousarray(pixels, dtype=np.float32)
     render_pass.rect.foreach_set(pixels.reshape(-1, pixels.shape[-1]) if _PASS_RECT_IS_2D else pixels.reshape(-1))
+
+
+def aov_name(node: bpy.types.Node) -> str:
+    """What an AOV Output node writes to."""
+    return getattr(node, "aov_name", node.name)

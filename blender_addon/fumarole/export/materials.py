@@ -9,7 +9,11 @@ import bpy
 import numpy as np
 
 from .. import compat
+from .functions import blackbody
 from .nodes import Attributes, NodeReader, Warn, upstream
+
+# Luminance of Principled Volume's blackbody, 1 / K^4.
+_RADIANCE_PER_KELVIN4 = 5.670373e-14 / np.pi
 
 # What smoke without a volume material looks like: a Blender particle of default size then has an optical depth of
 # about 0.6 through its centre.
@@ -25,6 +29,7 @@ class Volume:
     albedo: np.ndarray  # (1|n, 3) 0..1
     emission: np.ndarray  # (1|n, 3) W / (m^3 sr)
     anisotropy: float  # Henyey-Greenstein g, -1..1
+    radius_factor: np.ndarray  # (1|n,) on the points' radius
 
 
 @dataclass
@@ -60,6 +65,7 @@ class _Medium:
 # Single precision throughout, as in Blender and in the library: doubles would cost copies of every attribute.
 _NOTHING = np.zeros((1, 3), dtype=np.float32)
 _ZERO = np.zeros(1, dtype=np.float32)
+_ONE = np.ones(1, dtype=np.float32)
 _EMPTY = _Medium(_NOTHING, _NOTHING, _NOTHING, _ZERO, frozenset())
 
 
@@ -105,17 +111,22 @@ def emits_light(material: bpy.types.Material | None) -> bool:
 def default_volume() -> Volume:
     """Grey smoke for particles without a volume material."""
     extinction = np.full(1, DEFAULT_EXTINCTION, dtype=np.float32)
-    return Volume(extinction, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0)
+    return Volume(extinction, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0, _ONE)
 
 
 def read_volume(
-    material: bpy.types.Material | None, smoke: str, warn: Warn, attributes: Attributes = lambda name: None
+    material: bpy.types.Material | None,
+    smoke: str,
+    warn: Warn,
+    attributes: Attributes = lambda name: None,
+    particles: Attributes = lambda name: None,
 ) -> Volume:
     """The medium that `material` describes for the smoke of that name.
 
     Follows Cycles: Principled Volume scatters colour x density, Volume Scatter colour x density, Volume Absorption
     absorbs (1 - colour) x density. Extinction that differs between red, green and blue is averaged, with a warning.
-    Without a volume shader it is grey smoke, with a warning.
+    Without a volume shader it is grey smoke, with a warning. An AOV Output node named Radius gives a factor on the radius.
+    `attributes` and `particles` as NodeReader has them.
     """
     socket = volume_socket(material)
     if socket is None:
@@ -123,10 +134,19 @@ def read_volume(
         warn(f"{smoke}: {which}; it is drawn as grey smoke with a density of {DEFAULT_EXTINCTION:g} per metre")
         return default_volume()
     owner = f"Material '{material.name}'"
-    return _volume(_closure(NodeReader(owner, warn, attributes), socket, ()), owner, warn)
+    reader = NodeReader(owner, warn, attributes, particles)
+    return _volume(_closure(reader, socket, ()), _radius_factor(material, reader), owner, warn)
 
 
-def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
+def _radius_factor(material: bpy.types.Material, reader: NodeReader) -> np.ndarray:
+    """What the material's AOV Output node named Radius says, 1 without one."""
+    for node in compat.node_tree(material).nodes:
+        if node.bl_idname == "ShaderNodeOutputAOV" and compat.aov_name(node) == "Radius":
+            return np.maximum(reader.number(node, "Value"), 0)
+    return _ONE
+
+
+def _volume(medium: _Medium, radius_factor: np.ndarray, owner: str, warn: Warn) -> Volume:
     scattering, absorption = np.maximum(medium.scattering, 0), np.maximum(medium.absorption, 0)
     total = scattering + absorption
     extinction = _mean(total)
@@ -141,7 +161,8 @@ def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
     if len(medium.phases) > 1:
         shown = ", ".join(f"{g:.4g}" for g in sorted(medium.phases))
         warn(f"{owner}: anisotropies {shown} are mixed; their average {anisotropy:.4g} is used")
-    return Volume(extinction, albedo, np.maximum(medium.emission, 0), float(np.clip(anisotropy, -0.999, 0.999)))
+    g = float(np.clip(anisotropy, -0.999, 0.999))
+    return Volume(extinction, albedo, np.maximum(medium.emission, 0), g, radius_factor)
 
 
 def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) -> _Medium:
@@ -190,8 +211,21 @@ def _principled(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Med
     strength = reader.number(node, "Emission Strength", groups)
     medium.emission = reader.color(node, "Emission Color", groups) * strength[:, None]
     if np.any(reader.number(node, "Blackbody Intensity", groups) > 0):
-        reader.warn(f"{reader.owner}: Blackbody Intensity of node '{node.name}' isn't supported; it counts as 0")
+        medium.emission = medium.emission + _blackbody(reader, node, groups)
     return medium
+
+
+def _blackbody(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> np.ndarray:
+    """Emission (1|n, 3) of Principled Volume's blackbody: by its intensity, from next to nothing to the law of Stefan and
+    Boltzmann."""
+    share = np.clip(reader.number(node, "Blackbody Intensity", groups), 0, 1)
+    kelvin = np.maximum(reader.number(node, "Temperature", groups), 0)
+    by_temperature = reader.attributes(reader.text(node, "Temperature Attribute"))
+    if by_temperature is not None:
+        kelvin = kelvin * np.maximum(by_temperature if by_temperature.ndim == 1 else _mean(by_temperature), 0)
+    strength = _RADIANCE_PER_KELVIN4 * (1 + share * (kelvin**4 - 1))
+    tint = reader.color(node, "Blackbody Tint", groups)
+    return (share > 0)[:, None] * tint * blackbody(kelvin) * strength[:, None]
 
 
 def _scatter(reader: NodeReader, node: bpy.types.Node, groups: tuple) -> _Medium:

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reads constants and geometry attributes out of shader node trees, through reroutes, groups and muted nodes."""
+"""Reads what shader node trees say of points: constants, attributes and what is computed of them, through reroutes, groups
+and muted nodes."""
 
 from __future__ import annotations
 
@@ -7,6 +8,8 @@ from collections.abc import Callable, Iterator
 
 import bpy
 import numpy as np
+
+from .functions import evaluate
 
 Warn = Callable[[str], None]
 # The values of a geometry attribute by its name, (n,) or (n, 3) float32, or None where there is no such attribute.
@@ -18,15 +21,22 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 class NodeReader:
     """Evaluates the sockets of one data block's node tree.
 
-    Values come back as float32 arrays, which is what Blender holds; their first axis has length 1 (a constant) or n (an
-    attribute of n points).
+    Values come back as float32 arrays, which is what Blender holds; their first axis has length 1 (a constant) or n (a
+    value for each of n points). `attributes` are those of the geometry, `particles` the outputs of Particle Info.
     What can't be read is named in a warning, and the socket's own value is used.
     """
 
-    def __init__(self, owner: str, warn: Warn, attributes: Attributes = lambda name: None) -> None:
+    def __init__(
+        self,
+        owner: str,
+        warn: Warn,
+        attributes: Attributes = lambda name: None,
+        particles: Attributes = lambda name: None,
+    ) -> None:
         self.owner = owner
         self.warn = warn
         self.attributes = attributes
+        self.particles = particles
 
     def shader(self, socket: bpy.types.NodeSocket, groups: tuple = ()) -> tuple[bpy.types.Node | None, tuple]:
         """The shader node that feeds `socket` (None if there is none) and the groups it is in."""
@@ -60,6 +70,12 @@ class NodeReader:
                 self.warn(f"{self.owner}: there is no attribute '{source.attribute_name}'; it counts as 0")
                 return np.zeros(1, dtype=np.float32)
             return values.astype(np.float32, copy=False)
+        if source.bl_idname == "ShaderNodeParticleInfo":
+            values = self.particles(output.identifier)
+        else:
+            values = evaluate(self, source, output, groups)
+        if values is not None:
+            return values
         value = _constant(socket)
         shown = ", ".join(f"{v:.4g}" for v in value.ravel())
         self.warn(

@@ -73,11 +73,55 @@ def export_system(
         positions = transform_points(instance_matrix, positions)
         velocities = transform_vectors(instance_matrix, velocities)
         radii = radii * np.float32(length_scale(instance_matrix))
-    volume = read_volume(_material(owner, settings.material), name, warn)
     ids = stable_ids(f"{owner.name_full}\0{system.name}\0{instance_key}", alive)
+    info = _ParticleInfo(system, scene, alive, positions, ids)
+    volume = read_volume(_material(owner, settings.material), name, warn, particles=info.read)
     is_only = len(smoke_systems(owner)) == 1
     matte_name = owner.name if is_only else f"{owner.name}.{system.name}"
-    return Particles(name, positions, radii, velocities, ids, volume, matte_name)
+    return Particles(name, positions, radii * volume.radius_factor, velocities, ids, volume, matte_name)
+
+
+@dataclass
+class _ParticleInfo:
+    """What the node Particle Info says of the living particles."""
+
+    system: bpy.types.ParticleSystem
+    scene: bpy.types.Scene
+    alive: np.ndarray  # (n,) their indices
+    positions: np.ndarray
+    ids: np.ndarray
+
+    def read(self, output: str) -> np.ndarray | None:
+        """The values of an output by its identifier, (n,) or (n, 3) float32; None where they aren't known."""
+        if output == "Index":
+            return self.alive.astype(np.float32)
+        if output == "Random":
+            return _random(self.ids)
+        if output == "Age":
+            frame = np.float32(self.scene.frame_current_final)
+            return frame - self._of_all("birth_time", 1)
+        if output == "Lifetime":
+            return self._of_all("lifetime", 1)
+        if output == "Location":
+            return self.positions
+        if output == "Size":
+            return self._of_all("size", 1)
+        if output == "Velocity":
+            return self._of_all("velocity", 3)
+        if output == "Angular Velocity":
+            return self._of_all("angular_velocity", 3)
+        return None
+
+    def _of_all(self, attribute: str, width: int) -> np.ndarray:
+        return _read(self.system, attribute, len(self.system.particles), width, np.float32)[self.alive]
+
+
+def _random(ids: np.ndarray) -> np.ndarray:
+    """A number in 0..1 for each id (SplitMix64's finaliser)."""
+    with np.errstate(over="ignore"):
+        bits = (ids ^ (ids >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return ((bits ^ (bits >> np.uint64(31))) >> np.uint64(40)).astype(np.float32) * np.float32(2.0**-24)
 
 
 def stable_ids(key: str, indices: np.ndarray) -> np.ndarray:

@@ -48,7 +48,7 @@ def export_points(
     return Particles(
         name,
         transform_points(matrix, positions),
-        radii * np.float32(scale),
+        radii * volume.radius_factor * np.float32(scale),
         None if velocities is None else transform_vectors(matrix, velocities) / np.float32(frame_rate),
         stable_ids(f"{owner.name_full}\0{instance_key}", np.arange(count) if numbers is None else numbers),
         volume,

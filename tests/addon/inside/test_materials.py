@@ -188,11 +188,6 @@ def test_unsupported_shader_is_named() -> None:
     assert "Diffuse" in warning
 
 
-def test_blackbody_is_named() -> None:
-    _, (warning,) = read(scenes.material("Smoke", Blackbody_Intensity=1.0))
-    assert "Blackbody" in warning
-
-
 @pytest.mark.parametrize("kind", ["none", "surface"])
 def test_without_volume_it_is_grey_smoke_with_a_warning(kind: str) -> None:
     owner = scenes.emitter("Fire", count=1)
