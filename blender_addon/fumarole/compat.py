@@ -39,10 +39,10 @@ def light_is_sphere(light: bpy.types.Light) -> bool:
     return not getattr(light, "use_soft_falloff", True)
 
 
-def light_links(owner: bpy.types.Object) -> bool:
-    """Whether the light lights or is blocked by chosen objects only."""
-    linking = getattr(owner, "light_linking", None)
-    return linking is not None and (linking.receiver_collection is not None or linking.blocker_collection is not None)
+def linked_collections(owner: bpy.types.Object) -> tuple[bpy.types.Collection | None, bpy.types.Collection | None]:
+    """The collections of what a light shines on and of what blocks it; None: everything, as before Blender 4."""
+    linking = getattr(owner.original, "light_linking", None)
+    return (None, None) if linking is None else (linking.receiver_collection, linking.blocker_collection)
 
 
 def node_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | None:

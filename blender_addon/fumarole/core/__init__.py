@@ -53,10 +53,11 @@ from .image import write_exr
 from .passes import Pass, crypto_hash, passes as _passes
 from .reference import ReferenceResult, ReferenceStats, render_reference
 from .render import Result, Stats, Wanted, irradiance, render, transmittance
-from .scene import Scene
+from .scene import LINK_SETS, Scene
 from .settings import Settings
 
 __all__ = [
+    "LINK_SETS",
     "PASSES",
     "Camera",
     "Cancelled",

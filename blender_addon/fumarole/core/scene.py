@@ -17,6 +17,7 @@ from ._library import library
 from .context import Context, default_context
 from .errors import ErrorCode, FumaroleError, argument_error
 
+LINK_SETS = _abi.FUM_LINK_SETS
 LIGHT_TYPES = _abi.choices("FUM_LIGHT_")
 AREA_SHAPES = {
     "SQUARE": _abi.FUM_AREA_RECTANGLE,

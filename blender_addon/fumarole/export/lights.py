@@ -27,14 +27,16 @@ class Light:
     normalize: bool
     casts_shadows: bool
     shape: dict[str, Any]
+    light_sets: tuple[int, ...] | None = None  # that it shines on; None: all
+    shadow_sets: tuple[int, ...] | None = None  # that block it
 
 
 def export_light(owner: bpy.types.Object, matrix: np.ndarray, warn: Warn) -> Light | None:
-    """The light of an evaluated lamp at `matrix` (4, 4), or None if no light of it reaches smoke."""
+    """The light of an evaluated lamp at `matrix` (4, 4), or None if no light of it reaches smoke or solids."""
     lamp = owner.data
     name = f"Light '{owner.name_full}'"
     is_portal = lamp.type == "AREA" and getattr(getattr(lamp, "cycles", None), "is_portal", False)
-    if is_portal or not owner.visible_volume_scatter or lamp.energy == 0:
+    if is_portal or not (owner.visible_volume_scatter or owner.visible_diffuse) or lamp.energy == 0:
         return None
     color = np.array(lamp.color) * compat.light_scale(lamp) * _emission(lamp, name, warn)
     if lamp.energy < 0 or np.any(color < 0):
@@ -44,7 +46,7 @@ def export_light(owner: bpy.types.Object, matrix: np.ndarray, warn: Warn) -> Lig
     if not _has_size(lamp, matrix):
         warn(f"{name} has no size or a scale of 0; it is off")
         return None
-    _warn_of_features(owner, lamp, name, warn)
+    _warn_of_features(lamp, name, warn)
     return Light(
         name,
         owner.name,
@@ -96,8 +98,6 @@ def _emission(lamp: bpy.types.Light, name: str, warn: Warn) -> np.ndarray:
     return (reader.color(node, "Color", groups) * reader.number(node, "Strength", groups)[:, None])[0]
 
 
-def _warn_of_features(owner: bpy.types.Object, lamp: bpy.types.Light, name: str, warn: Warn) -> None:
-    if compat.light_links(owner):
-        warn(f"{name}: light linking isn't supported yet; it lights all smoke and everything blocks it")
+def _warn_of_features(lamp: bpy.types.Light, name: str, warn: Warn) -> None:
     if lamp.type in ("POINT", "SPOT") and compat.light_is_sphere(lamp) and lamp.shadow_soft_size > 0:
         warn(f"{name}: a radius of {lamp.shadow_soft_size:.4g} without soft fall-off isn't supported yet; it is a disc")

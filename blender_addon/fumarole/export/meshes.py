@@ -22,6 +22,8 @@ class Mesh:
     matrix: np.ndarray  # (4, 4) float64, world from local
     casts_shadow: bool
     visible_to_camera: bool
+    light_set: int = 0
+    shadow_set: int = 0
 
 
 class MeshReader:

@@ -27,6 +27,10 @@ class Particles:
     ids: np.ndarray  # (n,) uint64, the same particle's in every frame
     volume: Volume
     matte_name: str  # in Cryptomatte
+    casts_shadow: bool = True
+    visible_to_camera: bool = True
+    light_set: int = 0
+    shadow_set: int = 0
 
 
 def is_smoke(system: bpy.types.ParticleSystem) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import compat, core
 from .lights import Light, export_light
+from .linking import Linker
 from .meshes import Mesh, MeshReader
 from .particles import Particles, export_system, smoke_systems
 from .points import export_points
@@ -36,9 +37,10 @@ class Scene:
 def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
     """All smoke, solids and lights of an evaluated depsgraph's view layer."""
     scene = Scene()
-    reader = MeshReader(scene.warn)
+    reader, linker = MeshReader(scene.warn), Linker()
     for instance in depsgraph.object_instances:
-        _export_instance(instance, depsgraph, scene, reader)
+        _export_instance(instance, depsgraph, scene, reader, linker)
+    linker.finish()
     scene.background = export_background(depsgraph.scene.world, scene.warn)
     if np.any(scene.background > 0):
         scene.warn(f"World '{depsgraph.scene.world.name}': its background lights no smoke yet")
@@ -47,9 +49,15 @@ def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
             scene.warn(f"View layer '{depsgraph.view_layer_eval.name}': its {override} isn't supported yet")
     if not scene.particles:
         scene.warn("There is no smoke in this view layer: no living Halo particles and no point clouds")
-    elif not scene.lights and not any(np.any(item.volume.emission > 0) for item in scene.particles):
+    elif not _is_lit(scene) and not any(np.any(item.volume.emission > 0) for item in scene.particles):
         scene.warn("There are no lights, so the smoke is black")
     return scene
+
+
+def _is_lit(scene: Scene) -> bool:
+    """Whether a light shines on any of the smoke."""
+    sets = {item.light_set for item in scene.particles}
+    return any(light.light_sets is None or not sets.isdisjoint(light.light_sets) for light in scene.lights)
 
 
 def build(scene: Scene, context: core.Context) -> core.Scene:
@@ -75,10 +83,20 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
             anisotropy=volume.anisotropy,
             name=item.name,
             matte_name=item.matte_name,
+            light_set=item.light_set,
+            shadow_set=item.shadow_set,
+            visible_to_camera=item.visible_to_camera,
         )
     for item in scene.meshes:
         result.add_mesh(
-            item.vertices, item.triangles, item.matrix, item.name, item.casts_shadow, item.visible_to_camera
+            item.vertices,
+            item.triangles,
+            item.matrix,
+            item.name,
+            item.casts_shadow,
+            item.visible_to_camera,
+            light_set=item.light_set,
+            shadow_set=item.shadow_set,
         )
     return result
 
@@ -95,6 +113,8 @@ def add_lights(result: core.Scene, scene: Scene) -> None:
             normalize=item.normalize,
             casts_shadows=item.casts_shadows,
             cycles=compat.LIGHT_UNITS,
+            light_sets=item.light_sets,
+            shadow_sets=item.shadow_sets,
             **item.shape,
         )
 
@@ -110,8 +130,9 @@ def fingerprint(scene: Scene) -> bytes:
         _hash(result, "particles", item.name, item.matte_name, volume.anisotropy)
         _hash(result, item.positions, item.radii, item.velocities, item.ids)
         _hash(result, volume.extinction, volume.albedo, volume.emission)
+        _hash(result, item.light_set, item.shadow_set, item.visible_to_camera)
     for item in scene.meshes:
-        _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera)
+        _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera, item.light_set, item.shadow_set)
         _hash(result, item.vertices, item.triangles, item.matrix)
     return result.digest()
 
@@ -131,7 +152,11 @@ def _one_or_many(values: np.ndarray) -> np.ndarray:
 
 
 def _export_instance(
-    instance: bpy.types.DepsgraphObjectInstance, depsgraph: bpy.types.Depsgraph, scene: Scene, reader: MeshReader
+    instance: bpy.types.DepsgraphObjectInstance,
+    depsgraph: bpy.types.Depsgraph,
+    scene: Scene,
+    reader: MeshReader,
+    linker: Linker,
 ) -> None:
     owner = instance.object
     system = instance.particle_system
@@ -141,43 +166,53 @@ def _export_instance(
     matrix = np.array(instance.matrix_world, dtype=np.float64)
     # Tells instances apart, and stays the same from frame to frame.
     key = f"{instance.parent.name_full}{tuple(instance.persistent_id)}" if instance.is_instance else ""
+    original = instance.instance_object if instance.is_instance else owner
+    parent = instance.parent if instance.is_instance else owner
+    smoke: list[Particles] = []
     # What geometry nodes make comes as instances of the object itself with other data: its particles are not there.
-    if instance.show_particles and not (instance.is_instance and owner.data != instance.instance_object.data):
+    if instance.show_particles and not (instance.is_instance and owner.data != original.data):
         # Particles are in world space, where the original object emits them.
-        original = np.array(instance.instance_object.matrix_world) if instance.is_instance else None
-        moved = None if original is None else matrix @ np.linalg.pinv(original)
-        for smoke in smoke_systems(owner):
-            _add(scene.particles, export_system(owner, smoke, depsgraph.scene, moved, key, scene.warn))
-            _warn_of_visibility(owner, scene)
+        moved = matrix @ np.linalg.pinv(np.array(original.matrix_world)) if instance.is_instance else None
+        for found in smoke_systems(owner):
+            _add(smoke, export_system(owner, found, depsgraph.scene, moved, key, scene.warn))
+    if instance.show_self and owner.type == "POINTCLOUD":
+        # Points of geometry nodes come as a passing object: the settings are those of the object that has the nodes.
+        settings = original.fumarole
+        if settings.smoke != "NOT_SMOKE":
+            frame_rate = _frame_rate(depsgraph.scene.render)
+            _add(smoke, export_points(owner, matrix, key, settings.radius_scale, frame_rate, scene.warn))
+    if smoke:
+        _set_visibility(smoke, owner, parent, depsgraph.view_layer_eval, scene)
+        linker.add_matter(smoke, original, parent)
+        scene.particles += smoke
     if instance.show_self:
-        _export_object(instance, owner, matrix, key, depsgraph, scene, reader)
+        _export_object(owner, original, parent, matrix, depsgraph.view_layer_eval, scene, reader, linker)
 
 
 def _export_object(
-    instance: bpy.types.DepsgraphObjectInstance,
     owner: bpy.types.Object,
+    original: bpy.types.Object,
+    parent: bpy.types.Object,
     matrix: np.ndarray,
-    key: str,
-    depsgraph: bpy.types.Depsgraph,
+    layer: bpy.types.ViewLayer,
     scene: Scene,
     reader: MeshReader,
+    linker: Linker,
 ) -> None:
     # Curves, text, surfaces and metaballs come as instances whose data is a mesh.
     if isinstance(owner.data, bpy.types.Mesh):
         if _is_gas_domain(owner):
             scene.warn(f"Object '{owner.name_full}': smoke of a fluid domain isn't drawn yet")
             return
-        parent = instance.parent if instance.is_instance else owner
-        hidden = parent.indirect_only_get(view_layer=depsgraph.view_layer_eval)
-        _add(scene.meshes, reader.export(owner, matrix, hidden))
+        mesh = reader.export(owner, matrix, parent.indirect_only_get(view_layer=layer))
+        if mesh is not None:
+            linker.add_matter([mesh], original, parent)
+            scene.meshes.append(mesh)
     elif owner.type == "LIGHT":
-        _add(scene.lights, export_light(owner, matrix, scene.warn))
-    elif owner.type == "POINTCLOUD":
-        # Points of geometry nodes come as a passing object: the settings are those of the object that has the nodes.
-        settings = (instance.instance_object if instance.is_instance else owner).fumarole
-        if settings.smoke != "NOT_SMOKE":
-            _add(scene.particles, export_points(owner, matrix, key, settings.radius_scale, _frame_rate(depsgraph.scene.render), scene.warn))
-            _warn_of_visibility(owner, scene)
+        light = export_light(owner, matrix, scene.warn)
+        if light is not None:
+            linker.add_light(light, original)
+            scene.lights.append(light)
     elif owner.type == "VOLUME":
         scene.warn(f"Object '{owner.name_full}': volumes aren't drawn yet")
     elif owner.type == "CURVES":
@@ -198,9 +233,19 @@ def _is_gas_domain(owner: bpy.types.Object) -> bool:
     return any(domain.domain_settings.domain_type == "GAS" for domain in domains)
 
 
-def _warn_of_visibility(owner: bpy.types.Object, scene: Scene) -> None:
-    """Ray visibility and holdout of smoke are not modelled."""
-    switches = {"Camera": owner.visible_camera, "Shadow": owner.visible_shadow, "Holdout": not owner.is_holdout}
-    for switch, is_default in switches.items():
-        if not is_default:
-            scene.warn(f"Object '{owner.name_full}': its {switch} visibility isn't supported for smoke yet")
+def _set_visibility(
+    smoke: list[Particles],
+    owner: bpy.types.Object,
+    parent: bpy.types.Object,
+    layer: bpy.types.ViewLayer,
+    scene: Scene,
+) -> None:
+    """What is instanced is hidden by its own switches and by those of what instances it."""
+    is_holdout = parent.holdout_get(view_layer=layer)
+    if is_holdout:
+        scene.warn(f"Object '{owner.name_full}': smoke as a holdout isn't supported yet; it is drawn")
+    for item in smoke:
+        item.casts_shadow = owner.visible_shadow and parent.visible_shadow
+        item.visible_to_camera = owner.visible_camera and parent.visible_camera
+        if parent.indirect_only_get(view_layer=layer) and not is_holdout:
+            item.visible_to_camera = False

@@ -74,6 +74,31 @@ def hide_mesh() -> None:
     bpy.data.objects["Blocker"].visible_shadow = False
 
 
+def link_light() -> None:
+    linking = getattr(bpy.data.objects["Point"], "light_linking", None)
+    if linking is None:
+        pytest.skip("this Blender has no light linking")
+    linking.receiver_collection = bpy.data.collections.new("Lit")
+    linking.receiver_collection.objects.link(bpy.data.objects["Blocker"])
+    scenes.light("SUN", energy=3)
+
+
+def link_blocker() -> None:
+    linking = getattr(bpy.data.objects["Point"], "light_linking", None)
+    if linking is None:
+        pytest.skip("this Blender has no light linking")
+    linking.blocker_collection = bpy.data.collections.new("Blocks")
+    linking.blocker_collection.objects.link(bpy.data.objects["Blocker"])
+
+
+def hide_smoke() -> None:
+    bpy.data.objects["Points"].visible_camera = False
+
+
+def hide_shadow_of_smoke() -> None:
+    bpy.data.objects["Points"].visible_shadow = False
+
+
 @pytest.mark.parametrize("change", [move_camera, change_light, remove_light])
 def test_matter_is_kept(smoke: bpy.types.Object, change: Callable[[], None], tmp_path: Path) -> None:
     before, build_s = render(tmp_path)
@@ -87,7 +112,21 @@ def test_matter_is_kept(smoke: bpy.types.Object, change: Callable[[], None], tmp
     assert not np.array_equal(before, after)
 
 
-@pytest.mark.parametrize("change", [move_point, move_points, change_material, move_mesh, bend_mesh, hide_mesh])
+CHANGES = [
+    move_point,
+    move_points,
+    change_material,
+    move_mesh,
+    bend_mesh,
+    hide_mesh,
+    link_light,
+    link_blocker,
+    hide_smoke,
+    hide_shadow_of_smoke,
+]
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_changed_matter_is_built_again(
     smoke: bpy.types.Object, change: Callable[[], None], tmp_path: Path
 ) -> None:
