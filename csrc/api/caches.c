@@ -31,33 +31,28 @@ void fum_scene_drop_caches(fum_scene *scene) {
   scene->caches = NULL;
 }
 
-/* Builds the octree of the sets of particles for which `is_in` holds. */
-static int32_t build(fum_scene *scene, const fum_settings *settings, float subsampling,
-                     bool (*is_in)(const fum_particles *set, uint64_t sets), uint64_t sets, fum_octree **out_octree) {
+/* Is a set of particles among the casters, those of `shadow_sets`? NULL: among what the camera sees? */
+static bool belongs(const fum_particles *set, const uint64_t *shadow_sets) {
+  return shadow_sets != NULL ? fum_has_set(*shadow_sets, set->shadow_set) : set->is_visible_to_camera;
+}
+
+static int32_t build(fum_scene *scene, const fum_settings *settings, float subsampling, const uint64_t *shadow_sets,
+                     fum_octree **out_octree) {
   bool *takes = malloc((size_t)scene->particles_count + 1);
   if (takes == NULL) return fum_fail(scene->context, FUM_ERROR_MEMORY, "no memory for the sets of particles");
   for (int32_t s = 0; s < scene->particles_count; s++)
-    takes[s] = is_in(&scene->particles[s], sets);
+    takes[s] = belongs(&scene->particles[s], shadow_sets);
   const fum_octree_options options = {settings->leaf_size, subsampling, takes};
   const int32_t status = fum_octree_build(scene, &options, out_octree);
   free(takes);
   return status;
 }
 
-static bool is_seen(const fum_particles *set, uint64_t sets) {
-  (void)sets;
-  return set->is_visible_to_camera;
-}
-
-static bool is_caster(const fum_particles *set, uint64_t sets) {
-  return fum_has_set(sets, set->shadow_set);
-}
-
-/* Are those that the camera sees the same as those that block? */
-static bool are_all_casters(const fum_scene *scene, uint64_t sets) {
+/* Do the same particles block as the camera sees? */
+static bool are_all_casters(const fum_scene *scene, uint64_t shadow_sets) {
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_particles *set = &scene->particles[s];
-    if (set->count > 0 && is_seen(set, sets) != is_caster(set, sets)) return false;
+    if (set->count > 0 && belongs(set, NULL) != belongs(set, &shadow_sets)) return false;
   }
   return true;
 }
@@ -98,15 +93,8 @@ static bool take_over(fum_caches *from, fum_caches *to, int32_t k, uint64_t sets
   return false;
 }
 
-static bool has_media(const fum_caches *caches, int32_t count, const uint64_t *choices) {
-  bool are_same = caches->media.count == count;
-  for (int32_t k = 0; k < count && are_same; k++)
-    are_same = caches->media.items[k].sets == choices[k];
-  return are_same;
-}
-
-/* Octrees of what blocks the lights; those that are there already are kept. `out_is_kept`: all of them. */
-static int32_t find_casters(fum_scene *scene, const fum_settings *settings, bool *out_is_kept) {
+/* Octrees of what blocks the lights; those that are there already are kept. `out_has_built`: not all were. */
+static int32_t find_casters(fum_scene *scene, const fum_settings *settings, bool *out_has_built) {
   fum_context *context = scene->context;
   fum_caches *caches = scene->caches;
   uint64_t *choices = malloc((size_t)(scene->light_count + 1) * sizeof *choices);
@@ -115,8 +103,6 @@ static int32_t find_casters(fum_scene *scene, const fum_settings *settings, bool
   if (choices == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for the scene's caches");
   const uint64_t present = find_present(scene);
   const int32_t count = list_choices(scene, present, choices);
-  *out_is_kept = has_media(caches, count, choices);
-  if (*out_is_kept) goto done;
   new.casters = calloc((size_t)count, sizeof *new.casters);
   new.media = (fum_media){.present = present, .items = calloc((size_t)count, sizeof *new.media.items)};
   if (new.casters == NULL || new.media.items == NULL)
@@ -128,11 +114,11 @@ static int32_t find_casters(fum_scene *scene, const fum_settings *settings, bool
     new.media.items[k].sets = choices[k];
     if (settings->subsampling >= 1.0F && are_all_casters(scene, choices[k])) continue;
     new.casters[k] = NULL;
-    status = build(scene, settings, settings->subsampling, is_caster, choices[k], &new.casters[k]);
+    *out_has_built = true;
+    status = build(scene, settings, settings->subsampling, &choices[k], &new.casters[k]);
   }
   drop_media(context, &old);
   *caches = new;
-done:
   free(choices);
   return status;
 }
@@ -156,11 +142,11 @@ int32_t fum_caches_update(fum_scene *scene, const fum_settings *settings) {
     drop_octrees(context, caches);
     caches->leaf_size = settings->leaf_size;
     caches->subsampling = settings->subsampling;
-    status = build(scene, settings, 1.0F, is_seen, 0, &caches->all);
+    status = build(scene, settings, 1.0F, NULL, &caches->all);
   }
-  bool is_kept = true;
-  if (status == FUM_OK) status = find_casters(scene, settings, &is_kept);
-  if (status == FUM_OK && !(is_current && is_kept)) caches->build_s = fum_now_s() - start_s;
+  bool has_built = !is_current;
+  if (status == FUM_OK) status = find_casters(scene, settings, &has_built);
+  if (status == FUM_OK && has_built) caches->build_s = fum_now_s() - start_s;
 done:
   if (status != FUM_OK) fum_scene_drop_caches(scene);
   return status;
