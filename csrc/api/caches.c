@@ -60,7 +60,8 @@ static bool are_all_casters(const fum_scene *scene, uint64_t shadow_sets) {
 static uint64_t find_present(const fum_scene *scene) {
   uint64_t present = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
-    if (scene->particles[s].count > 0) present |= UINT64_C(1) << scene->particles[s].shadow_set;
+    const fum_particles *set = &scene->particles[s];
+    if (set->count > 0 && set->shadow_set >= 0) present |= UINT64_C(1) << set->shadow_set;
   }
   return present;
 }

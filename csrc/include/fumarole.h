@@ -201,7 +201,7 @@ typedef struct fum_particles_desc {
   float albedo[3];           /**< default 0.8 */
   float emission[3];         /**< default 0 */
   int32_t light_set;         /**< a light shines on them if its light_sets hold this set, 0..63; default 0 */
-  int32_t shadow_set;        /**< they block a light if its shadow_sets hold this set, 0..63; default 0 */
+  int32_t shadow_set;        /**< they block a light if its shadow_sets hold this set, 0..63; -1: no light; default 0 */
   int32_t visible_to_camera; /**< 0: they aren't drawn, but block light all the same; default 1 */
 
   const float *extinction_colors; /**< [3 count] factors on the density for red, green and blue light, 0 or more */
@@ -223,7 +223,7 @@ typedef struct fum_mesh_desc {
   const uint32_t *triangles;   /**< [3 triangle_count], indices below vertex_count */
   double world_from_local[16]; /**< default identity */
   int32_t light_set;           /**< as of particles; for passes of light on solids */
-  int32_t shadow_set;          /**< as of particles */
+  int32_t shadow_set;          /**< as of particles, but not -1 */
 } fum_mesh_desc;
 
 enum {

@@ -99,7 +99,7 @@ static void add_shine(void *user, const fum_shine *shine) {
   for (int c = 0; c < 3; c++) {
     const double arrives = shine->strength * exp(-depths[c]) * (double)s->light->intensity[c];
     for (int32_t set = 0; set < scene->particles_count && arrives > 0.0; set++) {
-      if ((s->light->light_sets >> scene->particles[set].light_set & 1U) == 0) continue;
+      if (!fum_has_set(s->light->light_sets, scene->particles[set].light_set)) continue;
       const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);
       s->radiance[c] += factor * s->ray->scattering[3 * set + c];
     }

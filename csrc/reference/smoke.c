@@ -181,7 +181,7 @@ void fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow
     if (!is_cell_near(&smoke->cells[n], way)) continue;
     for (int64_t i = smoke->cells[n].begin; i < smoke->cells[n].end; i++) {
       const fum_gaussian *g = &smoke->gaussians[i];
-      if ((shadow_sets >> smoke->scene->particles[g->set].shadow_set & 1U) == 0) continue;
+      if (!fum_has_set(shadow_sets, smoke->scene->particles[g->set].shadow_set)) continue;
       if (!pass(g, way, &s, &squared)) continue;
       const double density = g->density * exp(-0.5 * squared / (g->sigma * g->sigma));
       const double depth = density * fum_gaussian_integral(g->sigma, -s, way->length - s);

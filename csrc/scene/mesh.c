@@ -39,7 +39,7 @@ static int32_t check_desc(fum_context *context, const fum_mesh_desc *d, const ch
   if (!fum_all_finite(d->world_from_local, 16)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix is not finite", name);
   }
-  const int32_t status = fum_check_link_sets(context, name, d->light_set, d->shadow_set);
+  const int32_t status = fum_check_link_sets(context, name, d->light_set, d->shadow_set, 0);
   return status == FUM_OK ? check_arrays(context, d, name) : status;
 }
 

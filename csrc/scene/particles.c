@@ -66,7 +66,7 @@ static int32_t check_desc(fum_context *context, const fum_particles_desc *d, con
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: extinction colour %g %g %g is negative or not finite", name,
                     (double)color[0], (double)color[1], (double)color[2]);
   }
-  return fum_check_link_sets(context, name, d->light_set, d->shadow_set);
+  return fum_check_link_sets(context, name, d->light_set, d->shadow_set, -1);
 }
 
 /* Why particles are dropped, with the first culprit, for one warning. */

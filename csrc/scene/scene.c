@@ -26,15 +26,16 @@ void fum_scene_destroy(fum_scene *scene) {
   free(scene);
 }
 
-static int32_t check_set(fum_context *context, const char *name, const char *field, int32_t set) {
-  if (set >= 0 && set < FUM_LINK_SETS) return FUM_OK;
-  return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %s %d is not within 0..%d", name, field, (int)set,
+static int32_t check_set(fum_context *context, const char *name, const char *field, int32_t set, int32_t least) {
+  if (set >= least && set < FUM_LINK_SETS) return FUM_OK;
+  return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: %s %d is not within %d..%d", name, field, (int)set, (int)least,
                   FUM_LINK_SETS - 1);
 }
 
-int32_t fum_check_link_sets(fum_context *context, const char *name, int32_t light_set, int32_t shadow_set) {
-  const int32_t status = check_set(context, name, "light_set", light_set);
-  return status == FUM_OK ? check_set(context, name, "shadow_set", shadow_set) : status;
+int32_t fum_check_link_sets(fum_context *context, const char *name, int32_t light_set, int32_t shadow_set,
+                            int32_t least) {
+  const int32_t status = check_set(context, name, "light_set", light_set, 0);
+  return status == FUM_OK ? check_set(context, name, "shadow_set", shadow_set, least) : status;
 }
 
 typedef struct bounds {

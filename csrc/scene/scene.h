@@ -51,12 +51,14 @@ struct fum_scene {
   struct fum_caches *caches; /* ...and is kept here by api/, until particles or meshes change */
 };
 
-/* Is this light_set or shadow_set among those of a light? */
+/* Is this light_set or shadow_set among those of a light? -1 is among none. */
 static inline bool fum_has_set(uint64_t sets, int32_t set) {
-  return (sets >> set & 1U) != 0;
+  return set >= 0 && (sets >> set & 1U) != 0;
 }
 
-int32_t fum_check_link_sets(fum_context *context, const char *name, int32_t light_set, int32_t shadow_set);
+/* `least` of shadow_set: 0 or -1. */
+int32_t fum_check_link_sets(fum_context *context, const char *name, int32_t light_set, int32_t shadow_set,
+                            int32_t least);
 
 /* Do the same lights shine on two light_sets? */
 bool fum_scene_is_lit_alike(const fum_scene *scene, int32_t a, int32_t b);

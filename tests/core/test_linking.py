@@ -270,7 +270,8 @@ def test_shadows_on_a_floor_come_from_lights_that_light_it() -> None:
 
 BAD = {
     "light_set": ({"light_set": 64}, "bad: light_set 64 is not within 0..63"),
-    "shadow_set": ({"shadow_set": -1}, "bad: shadow_set -1 is not within 0..63"),
+    "shadow_set": ({"shadow_set": 64}, "bad: shadow_set 64 is not within -?[01]..63"),
+    "negative": ({"light_set": -1}, "bad: light_set -1 is not within 0..63"),
     "light_set text": ({"light_set": "1"}, "light_set of 'bad'"),
 }
 
@@ -283,6 +284,17 @@ def test_bad_sets_are_refused_by_name(name: str) -> None:
         scene.add_particles([(0, 0, 0)], name="bad", **keywords)
     with pytest.raises(core.FumaroleError, match=message):
         scene.add_mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], name="bad", **keywords)
+
+
+def test_smoke_that_blocks_no_light() -> None:
+    """Set -1 is of no light, whatever sets it is blocked by; solids are in a set always."""
+    scene = build([BLOCKER | {"shadow_set": -1}, RECEIVER], [ABOVE])
+    alone = core.transmittance(build([RECEIVER], [ABOVE]), POINTS)
+    assert core.transmittance(scene, POINTS) == pytest.approx(alone, abs=1e-3)
+    expected = core.render_reference(scene, camera(12), tolerance=1e-3)["Combined"]
+    assert relative_rms(combined(scene, 12), expected) < 0.01
+    with pytest.raises(core.FumaroleError, match="wall: shadow_set -1 is not within 0..63"):
+        wall(scene, shadow_set=-1)
 
 
 @pytest.mark.parametrize("field", ["light_sets", "shadow_sets"])

@@ -88,7 +88,7 @@ class Scene:
         anisotropy: g of the Henyey-Greenstein phase function, above -1 and below 1.
         name: for errors and warnings.
         light_set: 0..63; lights whose `light_sets` hold it shine on the particles.
-        shadow_set: 0..63; lights whose `shadow_sets` hold it are blocked by the particles.
+        shadow_set: 0..63; lights whose `shadow_sets` hold it are blocked by the particles. -1: no light is.
         visible_to_camera: False: the particles aren't drawn, but block light all the same.
         extinction_color: an RGB triple or (n, 3), factors on the density for red, green and blue light, at least 0;
             default 1. Light that passes is tinted by what is left: an artistic colour of shadows as well.
@@ -140,7 +140,7 @@ class Scene:
         vertices: (n, 3) local space, m, finite. triangles: (m, 3) integers below n.
         matrix: (4, 4) world from local, acting on columns; default identity.
         visible_to_shadow: casts shadows on smoke. visible_to_camera: hides the smoke behind it.
-        light_set, shadow_set: as of add_particles(); where light on solids is asked for, as by the pass Shadow.
+        light_set, shadow_set: 0..63, as of add_particles(); the first where light on solids is asked for, as by the pass Shadow.
         name: for errors. Raises FumaroleError.
         """
         corners = _arrays.rows(vertices, 3, f"vertices of {name!r}")

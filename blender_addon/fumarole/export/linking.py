@@ -56,8 +56,12 @@ class Linker:
         """Numbers the sets. Raises core.FumaroleError where there are too many."""
         for reach, sets in _number(self._receivers, self._matter, "light_set", "light linking"):
             reach.light.light_sets = sets
-        for reach, sets in _number(self._blockers, self._matter, "shadow_set", "shadow linking"):
+        casting = [entry for entry in self._matter if entry[0].casts_shadow]
+        for reach, sets in _number(self._blockers, casting, "shadow_set", "shadow linking"):
             reach.light.shadow_sets = sets
+        for item, _own, _parent in self._matter:
+            if isinstance(item, Particles) and not item.casts_shadow:
+                item.shadow_set = -1
 
 
 def _number(
@@ -66,14 +70,13 @@ def _number(
     """Sets `field` of all matter. Gives the sets of each light; None where it is all."""
     linked = set().union(*(reach.states for reach in reaches))
     numbers: dict[tuple[bool, ...], int] = {}
-    known: dict[tuple, tuple[bool, ...]] = {}
+    known: dict[tuple[int, bool], tuple[bool, ...]] = {}
     for item, own, parent in matter:
-        takes_part = item.casts_shadow or field == "light_set"
         # What is instanced is linked by what instances it, if that is linked to any light.
         speaker, is_smoke = parent if parent in linked else own, isinstance(item, Particles)
-        key = (speaker, is_smoke, takes_part)
+        key = (speaker, is_smoke)
         if key not in known:
-            known[key] = tuple(takes_part and reach.holds(speaker, is_smoke) for reach in reaches)
+            known[key] = tuple(reach.holds(speaker, is_smoke) for reach in reaches)
         number = numbers.setdefault(known[key], len(numbers))
         if number >= core.LINK_SETS:
             raise core.FumaroleError(
