@@ -15,6 +15,9 @@ _PASS_RECT_IS_2D = bpy.app.version < (4, 0, 0)
 # Materials and worlds always use nodes from Blender 5 on, where asking for it is deprecated.
 _MATERIALS_ALWAYS_USE_NODES = bpy.app.version >= (5, 0, 0)
 
+# Newer file selectors make a path absolute that doesn't say that it may be relative to the file.
+FILE_PATH_OPTIONS = {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else {"ANIMATABLE"}
+
 
 def light_casts_shadows(light: bpy.types.Light) -> bool:
     """Whether solids and smoke block the light in Cycles."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
-from . import compat, core
+from . import compat, core, deep
 from .export.camera import border, export_camera, resolution
 from .export.scene import Scene, build, export_scene
 from .kept import Keeper
@@ -112,7 +112,9 @@ class FumaroleEngine(bpy.types.RenderEngine):
             if any(item.name == "Vector" for item in passes):
                 camera = camera.moving(*self._cameras_beside(depsgraph, scene))
             wanted = [name for item in passes for name in item.wanted(scene.lights)]
-            result = core.render(core_scene, camera, depsgraph.scene.fumarole.to_core(), wanted)
+            deep_path = None if self.is_preview else deep.wanted_path(depsgraph, view, self.is_animation)
+            settings = depsgraph.scene.fumarole.to_core()
+            result = core.render(core_scene, camera, settings, wanted, deep=deep_path is not None)
             self._warn([*scene.warnings, *result.warnings, *pass_warnings(passes, scene.lights)])
             self._tell_statistics(result.stats)
             global _last_stats
@@ -120,6 +122,9 @@ class FumaroleEngine(bpy.types.RenderEngine):
             pixels = {item.name: item.pixels(result, scene.lights) for item in passes}
             if not depsgraph.scene.render.film_transparent:
                 _put_over(pixels["Combined"], scene.background)
+            if deep_path is not None:
+                with result.deep as samples:
+                    deep.write(samples, deep_path, depsgraph.scene.render)
         finally:
             self._hand_over(layer.name, view, size, pixels)
         self._stamp(".".join(filter(None, ("fumarole", layer.name, view))), result.stats, crypto_fields(layer, scene))

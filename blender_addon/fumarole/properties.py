@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The settings that Fumarole adds to scenes, particle settings and objects."""
 
-import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+import dataclasses
 
-from . import core
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+
+from . import compat, core
 
 # The library's own defaults. (Blender reads the annotations below, so they must not be postponed.)
 _DEFAULTS = core.Settings()
@@ -117,10 +119,24 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
         max=100.0,
         soft_max=10.0,
     )
+    use_deep: BoolProperty(
+        name="Deep EXR",
+        description="Write the smoke in depth to a file for each frame, for compositing: samples with R, G, B, A, Z and "
+        "ZBack, as long as the tolerance allows",
+        default=False,
+    )
+    deep_path: StringProperty(
+        name="Deep EXR File",
+        description="The last # in the file's name become the frame's number",
+        default="//deep/smoke_####.exr",
+        subtype="FILE_PATH",
+        options=compat.FILE_PATH_OPTIONS,
+    )
 
     def to_core(self) -> core.Settings:
         """The settings of a render."""
-        return core.Settings(**{name: getattr(self, name) for name in self.__annotations__})
+        names = {field.name for field in dataclasses.fields(core.Settings)} & self.__annotations__.keys()
+        return core.Settings(**{name: getattr(self, name) for name in names})
 
 
 def _tell_passes(_settings: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:

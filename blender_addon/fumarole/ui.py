@@ -120,6 +120,20 @@ class FUMAROLE_PT_performance(FumarolePanel, bpy.types.Panel):
         column.prop(render, "use_persistent_data", text="Persistent Data")
 
 
+class FUMAROLE_PT_deep(FumarolePanel, bpy.types.Panel):
+    bl_label = "Deep EXR"
+    bl_context = "output"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.prop(context.scene.fumarole, "use_deep", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.column()
+        column.active = context.scene.fumarole.use_deep
+        column.prop(context.scene.fumarole, "deep_path", text="File")
+
+
 class FUMAROLE_PT_passes(FumarolePanel, bpy.types.Panel):
     bl_label = "Passes"
     bl_context = "view_layer"
@@ -215,6 +229,7 @@ _PANELS = (
     FUMAROLE_PT_accuracy,
     FUMAROLE_PT_film,
     FUMAROLE_PT_performance,
+    FUMAROLE_PT_deep,
     FUMAROLE_PT_passes,
     FUMAROLE_PT_light,
     FUMAROLE_PT_particles,

@@ -126,6 +126,10 @@ static const fum_abi_field abi_fields[] = {
     FIELD(fum_render_stats, accuracy_worst),
     FIELD(fum_render_stats, accuracy_bias),
     FIELD(fum_render_stats, meter_s),
+    STRUCT(fum_deep_sample),
+    FIELD(fum_deep_sample, rgba),
+    FIELD(fum_deep_sample, depth),
+    FIELD(fum_deep_sample, depth_back),
     STRUCT(fum_reference_settings),
     FIELD(fum_reference_settings, struct_size),
     FIELD(fum_reference_settings, light_samples),
@@ -142,6 +146,11 @@ static const fum_abi_field abi_fields[] = {
     FIELD(fum_image_layer, name),
     FIELD(fum_image_layer, channels),
     FIELD(fum_image_layer, pixels),
+    STRUCT(fum_frame_part),
+    FIELD(fum_frame_part, frame_width),
+    FIELD(fum_frame_part, frame_height),
+    FIELD(fum_frame_part, left),
+    FIELD(fum_frame_part, bottom),
 };
 
 int32_t fum_abi_fields(const fum_abi_field **out_fields) {

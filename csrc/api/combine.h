@@ -35,6 +35,7 @@ typedef struct fum_rendering {
   float channel_share;         /* of red, green and blue that are seen in this scene */
   int32_t crypto_count;
   float *crypto[FUM_MAX_RANK_PAIRS]; /* [crypto_count] [height][width][4] */
+  struct fum_deep *deep;             /* the smoke in depth */
   fum_render_stats stats;
 } fum_rendering;
 

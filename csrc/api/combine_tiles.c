@@ -222,7 +222,9 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .straight = 0.5F * r->settings.tolerance,
                       .rgba = r->combined,
                       .light_rgb = r->lights,
-                      .emission = r->emission};
+                      .emission = r->emission,
+                      .deep = r->deep,
+                      .deep_tolerance = r->settings.tolerance};
   double start_s = fum_now_s();
   fum_solid_shadow_begin(r);
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
@@ -247,6 +249,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   start_s = fum_now_s();
   status = fum_tiles_draw(r->context, &job);
   r->stats.draw_s = fum_now_s() - start_s;
+  job.deep = NULL; /* that was it */
   if (status == FUM_OK) status = draw_others(r, &lighting, &light, &job);
   memcpy(r->stats.device, "tiles", sizeof "tiles");
 done:

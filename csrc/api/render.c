@@ -2,6 +2,7 @@
 #include "api/combine.h"
 #include "api/settings.h"
 #include "api/shadow.h"
+#include "billboard/deep.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
 #include "pass/table.h"
@@ -66,7 +67,11 @@ static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted)
   return FUM_OK;
 }
 
-static int32_t check_passes(const fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
+static int32_t check_passes(const fum_rendering *r, bool is_deep, int32_t pass_count, const fum_pass_buffer *passes) {
+  if (is_deep && r->settings.device == FUM_DEVICE_GL) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "deep pixels: OpenGL keeps no depths; use the device tiles");
+  }
+  if (is_deep && pass_count == 0) return FUM_OK;
   if (pass_count < 1 || passes == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "no pass was asked for");
   int32_t status = FUM_OK;
   for (int32_t i = 0; i < pass_count && status == FUM_OK; i++)
@@ -334,8 +339,19 @@ static void fill_stats(fum_rendering *r) {
   stats->memory_bytes = atomic_load(&r->context->memory_peak_bytes);
 }
 
+/* Deep pixels come with Combined, which is made for them if it isn't asked for. */
+static int32_t allocate_deep(fum_rendering *r) {
+  const int32_t status = allocate_pass(r, FUM_PASS_COMBINED, 0);
+  return status == FUM_OK ? fum_deep_create(r->context, &r->view, &r->deep) : status;
+}
+
 int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
                    const fum_pass_buffer *passes, fum_render_stats *out_stats) {
+  return fum_render_deep(scene, camera, settings, pass_count, passes, NULL, out_stats);
+}
+
+int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
+                        const fum_pass_buffer *passes, fum_deep **out_deep, fum_render_stats *out_stats) {
   const double start_s = fum_now_s();
   fum_rendering r = {.context = scene->context, .scene = scene, .camera = camera, .channel_share = 1.0F};
   fum_context *context = scene->context;
@@ -348,21 +364,33 @@ int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_setting
   }
   int32_t status = fum_settings_check(context, settings, &r.settings);
   if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);
-  if (status == FUM_OK) status = check_passes(&r, pass_count, passes);
+  if (status == FUM_OK) status = check_passes(&r, out_deep != NULL, pass_count, passes);
   if (status == FUM_OK) status = allocate_passes(&r, pass_count, passes);
+  if (status == FUM_OK && out_deep != NULL) status = allocate_deep(&r);
   const fum_channels *channels = NULL;
   if (status == FUM_OK) status = fum_channels_update(scene, &r.settings, &channels);
+  if (status == FUM_OK && out_deep != NULL && channels->count > 1) {
+    status =
+        fum_fail(context, FUM_ERROR_ARGUMENT,
+                 "deep pixels: smoke that weakens red, green and blue by different shares has no depth of its own");
+  }
   if (status != FUM_OK) goto done;
   r.stats.build_s = scene->caches->build_s;
   fum_view_place(&r.view, scene->origin);
   status = fum_solid_view_find(context, scene->caches->solids, &r.view, &r.solid);
   if (status == FUM_OK) status = make_passes(&r, channels);
+  if (status == FUM_OK && r.deep != NULL) status = fum_deep_gather(r.deep);
   if (status != FUM_OK) goto done;
   hand_over(&r, pass_count, passes);
   fill_stats(&r);
   r.stats.total_s = fum_now_s() - start_s;
   if (out_stats != NULL) *out_stats = r.stats;
+  if (out_deep != NULL) {
+    *out_deep = r.deep;
+    r.deep = NULL;
+  }
 done:
+  fum_deep_destroy(r.deep);
   free_passes(&r);
   fum_solid_view_free(context, &r.solid);
   return status;

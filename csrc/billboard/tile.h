@@ -54,6 +54,8 @@ typedef struct fum_tile_job {
   float *rgba;               /* [height][width][4] */
   float *const *light_rgb;   /* [lights] [height][width][3] of rgba, what each light makes; NULL: not asked for */
   float *emission;           /* [height][width][3] of rgba, what the smoke itself emits; NULL: not asked for */
+  struct fum_deep *deep;     /* where the smoke in depth goes; NULL: not asked for */
+  float deep_tolerance;
 } fum_tile_job;
 
 enum { FUM_NO_FACE = INT32_MIN };
@@ -74,8 +76,9 @@ typedef struct fum_tile_rgb {
 typedef struct fum_tile_scratch {
   float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride) */
   int64_t slabs_size;
-  fum_tile_held *held; /* [light] */
-  fum_tile_rgb *parts; /* [light + 1] of each light that is asked for by itself, and of emission */
+  fum_tile_held *held;        /* [light] */
+  fum_tile_rgb *parts;        /* [light + 1] of each light that is asked for by itself, and of emission */
+  struct fum_deep_tile *deep; /* what is noted of the tile for deep pixels; NULL: not asked for */
   bool is_out_of_memory;
 } fum_tile_scratch;
 

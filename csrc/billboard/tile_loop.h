@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The loops of tile.h, to be compiled once for each instruction set: tile_*.c define FUM_LANES and FUM_TILE_NAME. */
+#include "billboard/deep.h"
 #include "billboard/tile_light_loop.h"
 #include "billboard/tile_splats_loop.h"
 
@@ -74,6 +75,19 @@ static fum_tile_rgb *part_of(const fum_tile_job *job, int32_t light, fum_tile_rg
   return own != NULL ? &parts[light] : &s->rgb;
 }
 
+/* Notes the sums behind a slab for deep pixels. */
+static void note_depth(const tile *t, int32_t slab, const fum_tile_scratch *scratch, sums *s) {
+  fum_tile_rgb *rgb = fum_deep_note(scratch->deep, slab, s->depth);
+  *rgb = s->rgb;
+  for (int32_t l = 0; l <= t->job->lattice->light_count; l++) {
+    const fum_tile_rgb *part = part_of(t->job, l, scratch->parts, s);
+    for (int c = 0; c < 3 && part != &s->rgb; c++) {
+      for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
+        rgb->of[c][i] += part->of[c][i];
+    }
+  }
+}
+
 static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *scratch, sums *s) {
   const fum_tile_job *job = t->job;
   const fum_light_grid grid = {job, t->columns, t->rows, t->u, t->v, t->inverse_length, t->near, t->far};
@@ -105,6 +119,7 @@ static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *s
     if (job->glows) add_glow(t, slab, s->depth, part_of(job, lights, scratch->parts, s));
     for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
       s->depth[i] += slab[i];
+    if (job->deep != NULL) note_depth(t, t->first_slab + k, scratch, s);
   }
 }
 
@@ -184,9 +199,17 @@ static bool weigh(tile *t, bool is_beside) {
   return shows;
 }
 
+static bool begin_deep(const tile *t, fum_tile_scratch *scratch) {
+  const fum_deep_rays rays = {t->near, t->far, t->inverse_length, t->weights};
+  const bool has_room = fum_deep_begin(scratch->deep, &rays, t->slab_count);
+  scratch->is_out_of_memory = scratch->is_out_of_memory || !has_room;
+  return has_room;
+}
+
 static void draw(tile *t, const uint32_t *indices, int64_t count, fum_tile_scratch *scratch) {
   if (!make_room(t, indices, count, scratch)) return;
   aim(t);
+  if (t->job->deep != NULL && !begin_deep(t, scratch)) return;
   add_splats(t, indices, count, scratch->slabs);
   sums s = {0};
   resolve(t, scratch->slabs, scratch, &s);

@@ -3,6 +3,7 @@
 
 #include "base/cpu.h"
 #include "base/vector.h"
+#include "billboard/deep.h"
 #include "billboard/dust.h"
 #include "billboard/tile_light.h"
 
@@ -110,11 +111,14 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
     const size_t lights = (size_t)(job->lattice->light_count > 0 ? job->lattice->light_count : 1);
     scratch.held = malloc(lights * sizeof *scratch.held);
     scratch.parts = malloc((lights + 1) * sizeof *scratch.parts);
-    if (scratch.held == NULL || scratch.parts == NULL) atomic_store(&is_out_of_memory, true);
+    if (job->deep != NULL) scratch.deep = fum_deep_tile_create();
+    const bool has_deep = job->deep == NULL || scratch.deep != NULL;
+    if (scratch.held == NULL || scratch.parts == NULL || !has_deep) atomic_store(&is_out_of_memory, true);
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < tiles; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
       render_tile(job, i, &scratch);
+      if (job->deep != NULL && !fum_deep_end(scratch.deep, job, i)) scratch.is_out_of_memory = true;
       if (scratch.is_out_of_memory) atomic_store(&is_out_of_memory, true);
       const int64_t done = atomic_fetch_add(&tiles_done, 1) + 1;
       if (omp_get_thread_num() == 0) {
@@ -122,6 +126,7 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
       }
     }
     free(scratch.slabs);
+    fum_deep_tile_free(scratch.deep);
     free(scratch.parts);
     free(scratch.held);
   }

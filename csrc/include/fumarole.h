@@ -7,6 +7,7 @@
  *     fum_context_create      errors, warnings, threads, progress
  *     fum_scene_create        then fum_scene_add_particles, _add_mesh, _add_light
  *     fum_render              one camera; any number of passes; call again for other cameras
+ *                             (fum_render_deep: and samples in depth for compositing, to be destroyed by the caller)
  *     fum_scene_destroy, fum_context_destroy
  *
  * Conventions
@@ -373,6 +374,40 @@ FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum
                            const fum_pass_buffer *passes, fum_render_stats *out_stats);
 
 /**
+ * The smoke in depth: a list of samples for each pixel, nearest first, that don't overlap. A sample is smoke spread
+ * evenly from `depth` to `depth_back`: its nearest part, a share f of its length, has the opacity 1 - (1 - a)^f, and of
+ * its radiance a share as of its opacity.
+ */
+typedef struct fum_deep_sample {
+  float rgba[4];           /**< premultiplied radiance and opacity of the sample alone; over one another, nearest first,
+                              they make Combined */
+  float depth, depth_back; /**< along the camera's axis, m; depth < depth_back */
+} fum_deep_sample;
+
+typedef struct fum_deep fum_deep;
+
+/**
+ * As fum_render, and the smoke in depth as well, unless `out_deep` is NULL. `pass_count` may be 0 then.
+ * Samples are as long as the tolerance allows: in front of any depth, the opacity that they have is off by at most that
+ * share of the pixel's opacity, and their radiance by that share of its brightest channel. In pixels with less than a
+ * quarter of opacity it is the share that a quarter would have; what glows keeps its own.
+ * Smoke is cut at solids; these have no samples. Where a solid's edge runs through a pixel, the pixel holds the mean of
+ * what is in front of the solid and beside it. Device OpenGL can't do it.
+ * What it gives belongs to the scene's context and must be destroyed before that.
+ */
+FUM_API int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_settings *settings,
+                                int32_t pass_count, const fum_pass_buffer *passes, fum_deep **out_deep,
+                                fum_render_stats *out_stats);
+
+/** All samples, pixel after pixel, first row at the bottom, and the number of samples of each pixel, [height][width].
+ *  They live as long as `deep`. Returns the number of samples. */
+FUM_API int64_t fum_deep_samples(const fum_deep *deep, const uint32_t **out_counts,
+                                 const fum_deep_sample **out_samples);
+
+/** NULL is allowed. */
+FUM_API void fum_deep_destroy(fum_deep *deep);
+
+/**
  * Share of a light that reaches points through smoke and past solids, 0..1; a soft light's sample points are averaged,
  * and red, green and blue where they differ. Points are in no set: every light shines on them, and is blocked by its
  * own shadow_sets. `positions` [3 count] world space, `out_transmittance` [count].
@@ -446,6 +481,16 @@ typedef struct fum_image_layer {
  *  step once the new one is complete; on failure it stays as it was. */
 FUM_API int32_t fum_exr_write(fum_context *context, const char *path, int32_t width, int32_t height,
                               int32_t layer_count, const fum_image_layer *layers);
+
+/** Part of a larger frame that a picture is. */
+typedef struct fum_frame_part {
+  int32_t frame_width, frame_height;
+  int32_t left, bottom; /**< of the picture, pixels from the frame's lower left corner */
+} fum_frame_part;
+
+/** Writes a deep scanline OpenEXR file with the channels R, G, B, A, Z and ZBack in 32-bit float, ZIPS-compressed.
+ * `part` NULL: the picture is the frame. Else as fum_exr_write. */
+FUM_API int32_t fum_deep_write(const fum_deep *deep, const char *path, const fum_frame_part *part);
 
 #ifdef __cplusplus
 }

@@ -1,17 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Writes OpenEXR files through OpenEXRCore's C API. */
-#include "output/exr.h"
+#include "output/exr_file.h"
 
-#include <OpenEXR/OpenEXRConfig.h>
-#include <OpenEXR/openexr.h>
-
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-enum { MOST_SIDE = 65536, MOST_CHANNELS = 1024, SHORT_NAME = 31, LONG_NAME = 255 };
+enum { MOST_CHANNELS = 1024, SHORT_NAME = 31, LONG_NAME = 255 };
 
 typedef struct channel {
   char name[LONG_NAME + 1];
@@ -24,37 +19,6 @@ typedef struct image {
   int32_t width, height, channel_count;
   channel *channels; /* by name, the order of the file */
 } image;
-
-/* OpenEXRCore tells errors to a callback, on the thread that called it. */
-static _Thread_local char exr_message[512];
-
-static void keep_message(exr_const_context_t file, exr_result_t code, const char *message) {
-  (void)file, (void)code;
-  snprintf(exr_message, sizeof exr_message, "%s", message);
-}
-
-static int32_t fail_exr(fum_context *context, const char *path, exr_result_t result) {
-  const char *reason = exr_message[0] != '\0' ? exr_message : exr_get_default_error_message(result);
-  const int32_t code = result == EXR_ERR_OUT_OF_MEMORY ? FUM_ERROR_MEMORY : FUM_ERROR_FILE;
-  return fum_fail(context, code, "\"%s\" can't be written: %s", path, reason);
-}
-
-void fum_exr_version(char out_version[32]) {
-  int major = 0, minor = 0, patch = 0;
-  const char *extra = NULL;
-  exr_get_library_version(&major, &minor, &patch, &extra);
-  snprintf(out_version, 32, "%d.%d.%d", major, minor, patch);
-}
-
-int32_t fum_exr_check_library(fum_context *context) {
-  int major = 0, minor = 0, patch = 0;
-  const char *extra = NULL;
-  exr_get_library_version(&major, &minor, &patch, &extra);
-  if (major == OPENEXR_VERSION_MAJOR && minor == OPENEXR_VERSION_MINOR) return FUM_OK;
-  return fum_fail(context, FUM_ERROR_LIBRARY,
-                  "OpenEXR %d.%d.%d is loaded, but Fumarole was built for %d.%d; files can't be written safely", major,
-                  minor, patch, OPENEXR_VERSION_MAJOR, OPENEXR_VERSION_MINOR);
-}
 
 /* ---- Channels ---------------------------------------------------------------------------------------------------- */
 
@@ -86,11 +50,8 @@ static int compare_channels(const void *a, const void *b) {
 
 static int32_t check_image(fum_context *context, const char *path, int32_t width, int32_t height, int32_t layer_count,
                            const fum_image_layer *layers, int32_t *out_channel_count) {
-  if (path == NULL || path[0] == '\0') return fum_fail(context, FUM_ERROR_ARGUMENT, "the path of the image is empty");
-  if (width < 1 || width > MOST_SIDE || height < 1 || height > MOST_SIDE) {
-    return fum_fail(context, FUM_ERROR_ARGUMENT, "\"%s\": the size %d x %d is not within 1 to %d", path, width, height,
-                    MOST_SIDE);
-  }
+  const int32_t checked = fum_exr_check(context, path, width, height);
+  if (checked != FUM_OK) return checked;
   if (layer_count < 1 || layer_count > MOST_CHANNELS || layers == NULL) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "\"%s\": %d layers given, 1 to %d are possible", path,
                     layers != NULL ? layer_count : 0, MOST_CHANNELS);
@@ -181,72 +142,40 @@ static exr_result_t write_block(exr_context_t file, exr_encode_pipeline_t *encod
   return result == EXR_ERR_SUCCESS ? exr_encoding_run(file, 0, encoder) : result;
 }
 
-static int32_t write_blocks(fum_context *context, exr_context_t file, const image *image) {
+static int32_t write_blocks(const fum_exr_file *file, const image *image) {
   exr_encode_pipeline_t encoder = EXR_ENCODE_PIPELINE_INITIALIZER;
   float *planes = NULL;
   int32_t block_rows = 0;
-  exr_result_t result = exr_get_scanlines_per_chunk(file, 0, &block_rows);
-  if (result != EXR_ERR_SUCCESS) return fail_exr(context, image->path, result);
-  const int32_t status = fum_alloc(context, (int64_t)image->channel_count * image->width * block_rows, sizeof *planes,
-                                   "rows of the image", &planes);
+  exr_result_t result = exr_get_scanlines_per_chunk(file->exr, 0, &block_rows);
+  if (result != EXR_ERR_SUCCESS) return fum_exr_status(file, result);
+  const int32_t status = fum_alloc(file->context, (int64_t)image->channel_count * image->width * block_rows,
+                                   sizeof *planes, "rows of the image", &planes);
   if (status != FUM_OK) return status;
   for (int32_t first = 0; first < image->height && result == EXR_ERR_SUCCESS; first += block_rows) {
     const int32_t left = image->height - first;
-    result = write_block(file, &encoder, image, first, left < block_rows ? left : block_rows, planes);
+    result = write_block(file->exr, &encoder, image, first, left < block_rows ? left : block_rows, planes);
   }
-  exr_encoding_destroy(file, &encoder);
-  fum_free(context, &planes);
-  return result == EXR_ERR_SUCCESS ? FUM_OK : fail_exr(context, image->path, result);
-}
-
-static int32_t write_file(fum_context *context, const char *temporary, const image *image) {
-  exr_context_t file = NULL;
-  exr_context_initializer_t settings = EXR_DEFAULT_CONTEXT_INITIALIZER;
-  settings.error_handler_fn = keep_message;
-  exr_message[0] = '\0';
-  exr_result_t result = exr_start_write(&file, temporary, EXR_WRITE_FILE_DIRECTLY, &settings);
-  if (result != EXR_ERR_SUCCESS) return fail_exr(context, image->path, result);
-  result = write_header(file, image);
-  int32_t status =
-      result == EXR_ERR_SUCCESS ? write_blocks(context, file, image) : fail_exr(context, image->path, result);
-  result = exr_finish(&file);
-  if (status == FUM_OK && result != EXR_ERR_SUCCESS) status = fail_exr(context, image->path, result);
-  return status;
-}
-
-/* A short name beside the target: a rename works within a file system only, and the target's own name may already be
- * as long as names can be. */
-static int32_t make_temporary_path(fum_context *context, const char *path, char **out_path) {
-  static atomic_uint counter;
-  const char *slash = strrchr(path, '/');
-  const int folder_length = slash != NULL ? (int)(slash - path + 1) : 0;
-  const int64_t size = folder_length + 64;
-  const int32_t status = fum_alloc(context, size, 1, "path", out_path);
-  if (status != FUM_OK) return status;
-  snprintf(*out_path, (size_t)size, "%.*s.fumarole-%ld-%u.tmp", folder_length, path, (long)getpid(),
-           atomic_fetch_add(&counter, 1));
-  return FUM_OK;
+  exr_encoding_destroy(file->exr, &encoder);
+  fum_free(file->context, &planes);
+  return fum_exr_status(file, result);
 }
 
 int32_t fum_exr_write(fum_context *context, const char *path, int32_t width, int32_t height, int32_t layer_count,
                       const fum_image_layer *layers) {
   if (context == NULL) return FUM_ERROR_ARGUMENT;
   image image = {.path = path, .width = width, .height = height};
-  char *temporary = NULL;
+  fum_exr_file file;
   int32_t status = check_image(context, path, width, height, layer_count, layers, &image.channel_count);
-  if (status != FUM_OK) goto done;
-  if ((status = fum_exr_check_library(context)) != FUM_OK) goto done;
+  if (status != FUM_OK) return status;
   status = fum_alloc(context, image.channel_count, sizeof *image.channels, "channels", &image.channels);
-  if (status != FUM_OK) goto done;
-  if ((status = collect_channels(context, &image, layer_count, layers)) != FUM_OK) goto done;
-  if ((status = make_temporary_path(context, path, &temporary)) != FUM_OK) goto done;
-  status = write_file(context, temporary, &image);
-  if (status == FUM_OK && rename(temporary, path) != 0) {
-    status = fum_fail(context, FUM_ERROR_FILE, "\"%s\" can't be written: %s", path, strerror(errno));
+  if (status != FUM_OK) return status;
+  status = collect_channels(context, &image, layer_count, layers);
+  if (status == FUM_OK) {
+    status = fum_exr_begin(context, path, &file);
+    if (status == FUM_OK) status = fum_exr_status(&file, write_header(file.exr, &image));
+    if (status == FUM_OK) status = write_blocks(&file, &image);
+    status = fum_exr_end(&file, status);
   }
-  if (status != FUM_OK) unlink(temporary);
-done:
-  fum_free(context, &temporary);
   fum_free(context, &image.channels);
   return status;
 }

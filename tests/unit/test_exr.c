@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* What fum_exr_write writes, read back with OpenEXRCore; and what it refuses. */
-#include "output/exr.h"
+#include "fumarole.h"
 
 #include <OpenEXR/openexr.h>
 

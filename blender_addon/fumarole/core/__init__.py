@@ -24,7 +24,7 @@ Names
     Scene(context)               add_particles, add_mesh, add_light, clear_lights
     Camera(matrix, lens, ...)    also Camera.from_window(...), camera.crop(x0, y0, x1, y1)
     Settings(solver, tolerance, ...)
-    render -> Result             result[name], .stats (Stats), .warnings
+    render -> Result             result[name], .stats (Stats), .warnings, .deep (Deep: .counts, .samples, .write(path))
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
@@ -48,6 +48,7 @@ from typing import Any
 from . import _library
 from .camera import Camera
 from .context import Context
+from .deep import Deep
 from .errors import Cancelled, ErrorCode, FumaroleError
 from .image import write_exr
 from .passes import Pass, crypto_hash, passes as _passes
@@ -62,6 +63,7 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Context",
+    "Deep",
     "ErrorCode",
     "FumaroleError",
     "Pass",

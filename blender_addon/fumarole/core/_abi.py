@@ -222,6 +222,18 @@ class fum_render_stats(ctypes.Structure):
     ]
 
 
+class fum_deep_sample(ctypes.Structure):
+    _fields_ = [
+        ("rgba", ctypes.c_float * 4),
+        ("depth", ctypes.c_float),
+        ("depth_back", ctypes.c_float),
+    ]
+
+
+class fum_deep(ctypes.Structure):
+    """Opaque."""
+
+
 class fum_reference_settings(ctypes.Structure):
     _fields_ = [
         ("struct_size", ctypes.c_uint32),
@@ -250,6 +262,15 @@ class fum_image_layer(ctypes.Structure):
     ]
 
 
+class fum_frame_part(ctypes.Structure):
+    _fields_ = [
+        ("frame_width", ctypes.c_int32),
+        ("frame_height", ctypes.c_int32),
+        ("left", ctypes.c_int32),
+        ("bottom", ctypes.c_int32),
+    ]
+
+
 STRUCTS = (
     fum_abi_field,
     fum_particles_desc,
@@ -260,9 +281,11 @@ STRUCTS = (
     fum_pass_info,
     fum_pass_buffer,
     fum_render_stats,
+    fum_deep_sample,
     fum_reference_settings,
     fum_reference_stats,
     fum_image_layer,
+    fum_frame_part,
 )
 
 # name: (result, parameters)
@@ -292,6 +315,9 @@ FUNCTIONS = {
     "fum_pass_get": (ctypes.c_int32, [ctypes.c_int32, ctypes.POINTER(fum_pass_info)]),
     "fum_render_stats_init": (None, [ctypes.POINTER(fum_render_stats)]),
     "fum_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(fum_render_stats)]),
+    "fum_render_deep": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(ctypes.POINTER(fum_deep)), ctypes.POINTER(fum_render_stats)]),
+    "fum_deep_samples": (ctypes.c_int64, [ctypes.POINTER(fum_deep), ctypes.POINTER(ctypes.POINTER(ctypes.c_uint32)), ctypes.POINTER(ctypes.POINTER(fum_deep_sample))]),
+    "fum_deep_destroy": (None, [ctypes.POINTER(fum_deep)]),
     "fum_scene_transmittance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
     "fum_scene_irradiance": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.c_int64, ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float), ctypes.POINTER(ctypes.c_float)]),
     "fum_crypto_hash": (ctypes.c_uint32, [ctypes.c_char_p]),
@@ -299,6 +325,7 @@ FUNCTIONS = {
     "fum_reference_stats_init": (None, [ctypes.POINTER(fum_reference_stats)]),
     "fum_reference_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_reference_settings), ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(ctypes.c_double), ctypes.c_int64, ctypes.POINTER(fum_reference_stats)]),
     "fum_exr_write": (ctypes.c_int32, [ctypes.POINTER(fum_context), ctypes.c_char_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_int32, ctypes.POINTER(fum_image_layer)]),
+    "fum_deep_write": (ctypes.c_int32, [ctypes.POINTER(fum_deep), ctypes.c_char_p, ctypes.POINTER(fum_frame_part)]),
 }
 
 

@@ -50,7 +50,7 @@ class Context:
         self.progress = progress
         self._handle = handle
         self._busy = threading.Lock()
-        self._scenes: weakref.WeakSet[Any] = weakref.WeakSet()
+        self._children: weakref.WeakSet[Any] = weakref.WeakSet()
         self._finalizer = weakref.finalize(self, lib.fum_context_destroy, handle)
         self.threads = threads
 
@@ -118,9 +118,9 @@ class Context:
             library().fum_context_set_progress(self.handle, _abi.fum_progress_fn(), None)
 
     def close(self) -> None:
-        """Destroys the scenes made in this context and the context. Later use raises FumaroleError."""
-        for scene in list(self._scenes):
-            scene.close()
+        """Destroys what was made in this context and the context. Later use raises FumaroleError."""
+        for child in list(self._children):
+            child.close()
         self._finalizer()
 
     def __enter__(self) -> Context:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _abi, _arrays
 from ._library import library
 from .camera import Camera
+from .deep import Deep
 from .errors import argument_error, text_of
 from .passes import Pass, passes as pass_table
 from .scene import Scene
@@ -82,11 +83,15 @@ class Result(Mapping[Wanted, Pixels]):
     """The rendered passes as they were asked for: result["Combined"], result["Light", 0] are float32 (height, width,
     channels), first row at the bottom.
 
-    stats: a Stats. warnings: those of the scene's context until the end of this render.
+    stats: a Stats. warnings: those of the scene's context until the end of this render. deep: a Deep, if it was asked
+    for.
     """
 
-    def __init__(self, pixels: dict[Wanted, Pixels], stats: Stats, warnings: list[str]) -> None:
+    def __init__(
+        self, pixels: dict[Wanted, Pixels], stats: Stats, warnings: list[str], deep: Deep | None = None
+    ) -> None:
         self._pixels = pixels
+        self.deep = deep
         self.stats = stats
         self.warnings = warnings
 
@@ -101,13 +106,18 @@ class Result(Mapping[Wanted, Pixels]):
 
 
 def render(
-    scene: Scene, camera: Camera, settings: Settings | None = None, passes: Sequence[Wanted] = ("Combined", "Depth")
+    scene: Scene,
+    camera: Camera,
+    settings: Settings | None = None,
+    passes: Sequence[Wanted] = ("Combined", "Depth"),
+    deep: bool = False,
 ) -> Result:
     """Lights and draws `scene` for `camera`. Only the passes asked for are computed; core.PASSES lists them. Those that
     are one of several are asked for with its number: ("Light", 2).
 
     Combined is premultiplied RGBA radiance. Depth is the distance along the camera's axis at which the transmittance
     passes one half, else that of the solid there, else the clip end.
+    deep: the smoke in depth as well, for result.deep.write(path). Its samples are as long as the tolerance allows.
     Raises FumaroleError, Cancelled, and whatever the progress callback raised.
     """
     wanted = [(name, *_find_pass(name)) for name in dict.fromkeys(passes)]
@@ -125,16 +135,19 @@ def render(
         buffer.pixels_size = pixels[name].size
     stats = _abi.fum_render_stats()
     library().fum_render_stats_init(ctypes.byref(stats))
+    handle = ctypes.POINTER(_abi.fum_deep)()
     scene.context.call(
-        "fum_render",
+        "fum_render_deep",
         scene.handle,
         ctypes.byref(view),
         _settings(settings),
         len(wanted),
         buffers,
+        ctypes.byref(handle) if deep else None,
         ctypes.byref(stats),
     )
-    return Result(pixels, Stats.from_struct(stats), scene.context.warnings)
+    samples = Deep(handle, camera.height, camera.width, scene.context) if deep else None
+    return Result(pixels, Stats.from_struct(stats), scene.context.warnings, samples)
 
 
 def transmittance(

@@ -50,7 +50,7 @@ class Scene:
         self._light_count = 0
         # The context is among the arguments so that it lives at least as long as its scenes.
         self._finalizer = weakref.finalize(self, _destroy, handle, self.context)
-        self.context._scenes.add(self)
+        self.context._children.add(self)
 
     @property
     def handle(self) -> Any:

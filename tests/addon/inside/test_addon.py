@@ -85,13 +85,15 @@ def draw(panel: str, **context: object) -> list[str]:
     layout = Layout()
     drawer = SimpleNamespace(layout=layout, PROPERTIES=getattr(kind, "PROPERTIES", ()))
     drawer.column = lambda: kind.column(drawer)
+    if hasattr(kind, "draw_header"):
+        kind.draw_header(drawer, full)
     kind.draw(drawer, full)
     return layout.drawn
 
 
 def test_panels_draw_every_setting(scene: bpy.types.Scene) -> None:
     drawn = []
-    for panel in ("lighting", "artistic", "film", "performance"):
+    for panel in ("lighting", "artistic", "film", "performance", "deep"):
         drawn += draw(f"FUMAROLE_PT_{panel}")
     settings = [name for name in scene.fumarole.bl_rna.properties.keys() if name not in ("rna_type", "name")]
     assert set(settings) <= set(drawn)
@@ -177,5 +179,5 @@ def test_settings_are_saved(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 def test_defaults_are_those_of_the_library(scene: bpy.types.Scene) -> None:
     defaults = core.Settings()
-    for name in type(scene.fumarole).__annotations__:
+    for name in type(scene.fumarole).__annotations__.keys() - {"use_deep", "deep_path"}:
         assert getattr(scene.fumarole, name) == pytest.approx(getattr(defaults, name)), name

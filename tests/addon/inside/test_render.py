@@ -386,7 +386,7 @@ def test_warnings_are_reported_once_an_animation(
 def test_an_error_of_the_engine_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     smoke()
 
-    def fail(*_arguments: object) -> None:
+    def fail(*_arguments: object, **_keywords: object) -> None:
         raise ValueError("something broke")
 
     monkeypatch.setattr(core, "render", fail)
