@@ -243,7 +243,7 @@ def _set_visibility(
     """What is instanced is hidden by its own switches and by those of what instances it."""
     is_holdout = parent.holdout_get(view_layer=layer)
     if is_holdout:
-        scene.warn(f"Object '{owner.name_full}': smoke as a holdout isn't supported yet; it is drawn")
+        scene.warn(f"Object '{owner.name_full}': smoke is no holdout, as volumes are none in Cycles; it is drawn")
     for item in smoke:
         item.casts_shadow = owner.visible_shadow and parent.visible_shadow
         item.visible_to_camera = owner.visible_camera and parent.visible_camera

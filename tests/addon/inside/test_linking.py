@@ -159,6 +159,11 @@ def indirect_only(stage: dict) -> None:
     bpy.context.view_layer.layer_collection.children["Hidden"].indirect_only = True
 
 
+def holdout(stage: dict) -> None:
+    for owner in stage["Upper"]:
+        owner.is_holdout = True
+
+
 def render_cycles(stage: dict, folder: Path) -> np.ndarray:
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -195,7 +200,7 @@ LINKS = [
     shared_collection,
     exclude_wall,
 ]
-VISIBILITY = [no_shadow, unseen, indirect_only]
+VISIBILITY = [no_shadow, unseen, indirect_only, holdout]
 
 # What the red lamp isn't blocked by any more.
 BLOCKERS = {
