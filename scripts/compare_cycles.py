@@ -17,6 +17,7 @@ import json
 import math
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -50,8 +51,22 @@ LAMPS = (
 )
 
 
-def smoke_material() -> bpy.types.Material:
-    """A Principled Volume of which the density is the sum of the Gaussians."""
+# Makes a volume shader in a tree: its output, given the socket that its extinction is to grow with (None: 1).
+Shade = Callable[[bpy.types.NodeTree, "bpy.types.NodeSocket | None"], bpy.types.NodeSocket]
+
+
+def grey_shade(tree: bpy.types.NodeTree, density: bpy.types.NodeSocket | None) -> bpy.types.NodeSocket:
+    """Extinction that is the same for red, green and blue."""
+    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+    volume.inputs["Color"].default_value = (*ALBEDO, 1.0)
+    volume.inputs["Anisotropy"].default_value = ANISOTROPY
+    if density is not None:
+        tree.links.new(density, volume.inputs["Density"])
+    return volume.outputs[0]
+
+
+def smoke_material(shade: Shade) -> bpy.types.Material:
+    """A volume of which the density is the sum of the Gaussians."""
     material = bpy.data.materials.new("Smoke")
     material.use_nodes = True
     tree = material.node_tree
@@ -76,11 +91,7 @@ def smoke_material() -> bpy.types.Material:
         if total is not None:
             link(total, term.inputs[2])
         total = term.outputs[0]
-    volume, output = tree.nodes.new("ShaderNodeVolumePrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
-    volume.inputs["Color"].default_value = (*ALBEDO, 1.0)
-    volume.inputs["Anisotropy"].default_value = ANISOTROPY
-    link(total, volume.inputs["Density"])
-    link(volume.outputs[0], output.inputs["Volume"])
+    link(shade(tree, total), tree.nodes.new("ShaderNodeOutputMaterial").inputs["Volume"])
     return material
 
 
@@ -98,7 +109,7 @@ def add_mesh(name: str, corners: list[tuple], faces: list[tuple], location: tupl
     return add_object(name, mesh, location)
 
 
-def build_blender_scene(size: int, step: float) -> None:
+def build_blender_scene(size: int, step: float, shade: Shade = grey_shade) -> None:
     """Replaces what is in the scene. size: pixels a side; step: of Cycles' marching through the smoke, m."""
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
@@ -106,7 +117,7 @@ def build_blender_scene(size: int, step: float) -> None:
     corners = [(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)]
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     cube = add_mesh("Smoke", corners, faces, (0, 0, 0))
-    cube.data.materials.append(smoke_material())
+    cube.data.materials.append(smoke_material(shade))
     wall = add_mesh("Wall", WALL, [(0, 1, 2, 3)], (0, 0, WALL_HEIGHT))
     wall.visible_camera = False
     for kind, settings, location, rotation in LAMPS:
@@ -162,12 +173,12 @@ def placed(location: tuple) -> np.ndarray:
     return matrix
 
 
-def render_reference(size: int) -> np.ndarray:
-    """The same by the reference: (size, size, 4)."""
+def render_reference(size: int, **look: object) -> np.ndarray:
+    """The same by the reference: (size, size, 4). look: other than grey_shade's, as of core.Scene.add_particles."""
     with core.Context() as context:
         scene = core.Scene(context)
         particles = {"radius": 2 * GAUSSIANS[:, 3], "density": GAUSSIANS[:, 4], "albedo": ALBEDO, "anisotropy": ANISOTROPY}
-        scene.add_particles(GAUSSIANS[:, :3], **particles)
+        scene.add_particles(GAUSSIANS[:, :3], **particles | look)
         scene.add_mesh(WALL, [(0, 1, 2), (0, 2, 3)], matrix=placed((0, 0, WALL_HEIGHT)), visible_to_camera=False)
         for kind, settings, location, _rotation in LAMPS:
             scene.add_light(kind, matrix=placed(location), cycles=bpy.app.version, **settings)

@@ -25,7 +25,8 @@ DEFAULT_ALBEDO = 0.8
 class Volume:
     """A participating medium; the first axis of the arrays is 1 (the same for all) or the number of points."""
 
-    extinction: np.ndarray  # (1|n,) 1/m
+    extinction: np.ndarray  # (1|n,) 1/m, the mean of red, green and blue
+    tint: np.ndarray  # (1|n, 3) extinction of red, green and blue over their mean
     albedo: np.ndarray  # (1|n, 3) 0..1
     emission: np.ndarray  # (1|n, 3) W / (m^3 sr)
     anisotropy: float  # Henyey-Greenstein g, -1..1
@@ -64,6 +65,7 @@ class _Medium:
 
 # Single precision throughout, as in Blender and in the library: doubles would cost copies of every attribute.
 _NOTHING = np.zeros((1, 3), dtype=np.float32)
+_GREY = np.ones((1, 3), dtype=np.float32)
 _ZERO = np.zeros(1, dtype=np.float32)
 _ONE = np.ones(1, dtype=np.float32)
 _EMPTY = _Medium(_NOTHING, _NOTHING, _NOTHING, _ZERO, frozenset())
@@ -111,7 +113,7 @@ def emits_light(material: bpy.types.Material | None) -> bool:
 def default_volume() -> Volume:
     """Grey smoke for particles without a volume material."""
     extinction = np.full(1, DEFAULT_EXTINCTION, dtype=np.float32)
-    return Volume(extinction, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0, _ONE)
+    return Volume(extinction, _GREY, np.full((1, 3), DEFAULT_ALBEDO, dtype=np.float32), _NOTHING, 0.0, _ONE)
 
 
 def read_volume(
@@ -124,9 +126,8 @@ def read_volume(
     """The medium that `material` describes for the smoke of that name.
 
     Follows Cycles: Principled Volume scatters colour x density, Volume Scatter colour x density, Volume Absorption
-    absorbs (1 - colour) x density. Extinction that differs between red, green and blue is averaged, with a warning.
-    Without a volume shader it is grey smoke, with a warning. An AOV Output node named Radius gives a factor on the radius.
-    `attributes` and `particles` as NodeReader has them.
+    absorbs (1 - colour) x density. Without a volume shader it is grey smoke, with a warning. An AOV Output node named
+    Radius gives a factor on the radius. `attributes` and `particles` as NodeReader has them.
     """
     socket = volume_socket(material)
     if socket is None:
@@ -150,11 +151,9 @@ def _volume(medium: _Medium, radius_factor: np.ndarray, owner: str, warn: Warn) 
     scattering, absorption = np.maximum(medium.scattering, 0), np.maximum(medium.absorption, 0)
     total = scattering + absorption
     extinction = _mean(total)
-    spread = _spread(total)
-    if np.any(spread > 1e-4 * extinction):
-        row = total[np.argmax(spread)]
-        shown = ", ".join(f"{channel:.4g}" for channel in row)
-        warn(f"{owner}: coloured extinction ({shown}) isn't supported; its mean is used")
+    # What rounding makes of grey stays grey: each channel that differs costs a render.
+    is_tinted = (_spread(total) > 1e-4 * extinction)[:, None]
+    tint = np.divide(total, extinction[:, None], out=np.ones_like(total), where=is_tinted) if is_tinted.any() else _GREY
     albedo = np.divide(scattering, total, out=np.zeros_like(total), where=total > 0)
     scattered = _mean(scattering).sum(dtype=np.float64)
     anisotropy = float(medium.forward.sum(dtype=np.float64) / scattered) if scattered > 0 else 0.0
@@ -162,7 +161,7 @@ def _volume(medium: _Medium, radius_factor: np.ndarray, owner: str, warn: Warn) 
         shown = ", ".join(f"{g:.4g}" for g in sorted(medium.phases))
         warn(f"{owner}: anisotropies {shown} are mixed; their average {anisotropy:.4g} is used")
     g = float(np.clip(anisotropy, -0.999, 0.999))
-    return Volume(extinction, albedo, np.maximum(medium.emission, 0), g, radius_factor)
+    return Volume(extinction, tint, albedo, np.maximum(medium.emission, 0), g, radius_factor)
 
 
 def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) -> _Medium:

@@ -81,6 +81,7 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
             velocity=item.velocities,
             ident=item.ids,
             anisotropy=volume.anisotropy,
+            extinction_color=_one_or_many(volume.tint),
             name=item.name,
             matte_name=item.matte_name,
             light_set=item.light_set,
@@ -129,7 +130,7 @@ def fingerprint(scene: Scene) -> bytes:
         volume = item.volume
         _hash(result, "particles", item.name, item.matte_name, volume.anisotropy)
         _hash(result, item.positions, item.radii, item.velocities, item.ids)
-        _hash(result, volume.extinction, volume.albedo, volume.emission)
+        _hash(result, volume.extinction, volume.tint, volume.albedo, volume.emission)
         _hash(result, item.light_set, item.shadow_set, item.visible_to_camera)
     for item in scene.meshes:
         _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera, item.light_set, item.shadow_set)

@@ -93,10 +93,55 @@ def test_other_phase_functions_are_named() -> None:
     assert any("RAYLEIGH" in text for text in warnings)
 
 
-def test_coloured_extinction_is_averaged_with_a_warning() -> None:
-    volume, warnings = read(scenes.material("Smoke", "ShaderNodeVolumeScatter", Color=(0.3, 0.6, 0.9, 1), Density=1.0))
-    assert np.allclose(volume.extinction, 0.6)
-    assert any("coloured extinction (0.3, 0.6, 0.9)" in text for text in warnings)
+@pytest.mark.parametrize(
+    ("kind", "inputs", "extinction"),
+    [
+        ("Scatter", {"Color": (0.3, 0.6, 0.9, 1)}, (0.3, 0.6, 0.9)),
+        ("Absorption", {"Color": (1.0, 0.6, 0.0, 1)}, (0.0, 0.4, 1.0)),
+        (
+            "Principled",
+            {"Color": (0.5, 0.5, 0.5, 1), "Absorption_Color": (0.0, 0.25, 1.0, 1)},
+            (1.0, 0.75, 0.5),
+        ),
+        # a grey absorption colour below a coloured scattering colour
+        (
+            "Principled",
+            {"Color": (0.2, 0.5, 0.8, 1), "Absorption_Color": (0.25, 0.25, 0.25, 1)},
+            (0.6, 0.75, 0.9),
+        ),
+    ],
+)
+def test_extinction_of_a_colour(kind: str, inputs: dict, extinction: tuple) -> None:
+    volume, warnings = read(scenes.material("Smoke", f"ShaderNodeVolume{kind}", Density=4.0, **inputs))
+    assert volume.extinction == pytest.approx([4 * np.mean(extinction)])
+    assert np.allclose(volume.tint * volume.extinction[:, None], 4 * np.array(extinction))
+    scattering = np.zeros(3) if kind == "Absorption" else np.array(inputs["Color"][:3])
+    assert np.allclose(volume.albedo * volume.tint * volume.extinction[:, None], 4 * scattering)
+    assert not warnings
+
+
+def test_grey_extinction_is_exactly_grey() -> None:
+    """Scattering and absorption of each channel are rounded, but no channel is rendered by itself for that."""
+    for colour in np.random.default_rng(1).uniform(0, 1, (5, 3)):
+        volume, _ = read(scenes.material("Smoke", Color=(*colour, 1), Density=3.3))
+        assert (volume.tint == 1).all()
+        bpy.data.objects.remove(bpy.data.objects["Emitter"])
+        bpy.data.materials.remove(bpy.data.materials["Smoke"])
+
+
+def test_a_colour_a_point() -> None:
+    colours = [(0.2, 0.5, 0.8, 1), (0.5, 0.5, 0.5, 1)]
+    owner = scenes.points_by_nodes("Points", [(0, 0, 0), (1, 0, 0)], attributes={"ink": ("FLOAT_COLOR", colours)})
+    look = scenes.material("Smoke", "ShaderNodeVolumeScatter", Density=2.0)
+    attribute = look.node_tree.nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name = "ink"
+    look.node_tree.links.new(attribute.outputs["Color"], node_of(look, "ShaderNodeVolumeScatter").inputs["Color"])
+    scenes.set_point_material(owner, look)
+    result = scenes.export()
+    volume = result.particles[0].volume
+    assert np.allclose(volume.tint * volume.extinction[:, None], 2 * np.array(colours)[:, :3])
+    assert (volume.tint[1] == 1).all()
+    assert not [text for text in result.warnings if "extinction" in text]
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.25, 1.0])

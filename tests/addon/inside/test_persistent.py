@@ -55,10 +55,17 @@ def move_points() -> None:
     bpy.data.objects["Points"].location.z += 0.2
 
 
+def volume_node() -> bpy.types.Node:
+    nodes = bpy.data.materials["Smoke"].node_tree.nodes
+    return next(node for node in nodes if node.bl_idname == "ShaderNodeVolumePrincipled")
+
+
 def change_material() -> None:
-    tree = bpy.data.materials["Smoke"].node_tree
-    node = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeVolumePrincipled")
-    node.inputs["Anisotropy"].default_value = 0.4
+    volume_node().inputs["Anisotropy"].default_value = 0.4
+
+
+def change_tint() -> None:
+    volume_node().inputs["Absorption Color"].default_value = (0.0, 0.3, 0.9, 1)
 
 
 def move_mesh() -> None:
@@ -116,6 +123,7 @@ CHANGES = [
     move_point,
     move_points,
     change_material,
+    change_tint,
     move_mesh,
     bend_mesh,
     hide_mesh,
