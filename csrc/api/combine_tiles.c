@@ -224,7 +224,8 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .light_rgb = r->lights,
                       .emission = r->emission,
                       .deep = r->deep,
-                      .deep_tolerance = r->settings.tolerance};
+                      /* pictures of single channels are divided once more when they are joined */
+                      .deep_tolerance = (r->channel_share < 1.0F ? 0.5F : 1.0F) * r->settings.tolerance};
   double start_s = fum_now_s();
   fum_solid_shadow_begin(r);
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);

@@ -241,6 +241,7 @@ static bool needs_shadow(const fum_rendering *r) {
 /* Passes in colour, by the extinction of the rendering's scene. */
 static int32_t make_colors(fum_rendering *r) {
   int32_t status = r->combined != NULL ? make_combined(r) : FUM_OK;
+  if (status == FUM_OK && r->deep != NULL) status = fum_deep_gather(r->deep);
   const double start_s = fum_now_s();
   if (status == FUM_OK && needs_shadow(r)) status = fum_shadow_find(r);
   r->stats.passes_s = fum_now_s() - start_s;
@@ -265,8 +266,9 @@ static void take_value(float share, int64_t count, const float *from, float *to)
     to[i] += share * from[i];
 }
 
-/* Drawn passes of `r` as one of the channels' scenes has them. Mattes are entered in place. */
-static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int32_t k) {
+/* Drawn passes of `r` as one of the channels' scenes has them. Mattes are entered in place; deep pixels are given to
+ * the caller, who joins those of all. */
+static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int32_t k, fum_deep **out_deep) {
   fum_rendering part = {.context = r->context,
                         .scene = channels->scenes[k],
                         .settings = r->settings,
@@ -285,7 +287,9 @@ static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int3
       if (is_by_channel(&info) && *place_of(r, info.pass, n) != NULL) status = allocate_pass(&part, info.pass, n);
     }
   }
+  if (status == FUM_OK && r->deep != NULL) status = fum_deep_create(r->context, &r->view, &part.deep);
   if (status == FUM_OK) status = make_colors(&part);
+  *out_deep = part.deep;
   for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK && status == FUM_OK; i++) {
     for (int32_t n = 0; n < count_of(r, &info); n++) {
       float *to = is_by_channel(&info) ? *place_of(r, info.pass, n) : NULL;
@@ -315,10 +319,20 @@ static int32_t make_values(fum_rendering *r) {
   return status;
 }
 
+static int32_t make_channels(fum_rendering *r, const fum_channels *channels) {
+  fum_deep *deeps[3] = {NULL};
+  int32_t status = FUM_OK;
+  for (int32_t k = 0; k < channels->count && status == FUM_OK; k++)
+    status = make_channel(r, channels, k, &deeps[k]);
+  if (status == FUM_OK && r->deep != NULL)
+    status = fum_deep_join(deeps, channels->count, channels->of, 0.5F * r->settings.tolerance, r->deep);
+  for (int k = 0; k < 3; k++)
+    fum_deep_destroy(deeps[k]);
+  return status;
+}
+
 static int32_t make_passes(fum_rendering *r, const fum_channels *channels) {
-  int32_t status = channels->count == 1 ? make_colors(r) : FUM_OK;
-  for (int32_t k = 0; channels->count > 1 && k < channels->count && status == FUM_OK; k++)
-    status = make_channel(r, channels, k);
+  const int32_t status = channels->count == 1 ? make_colors(r) : make_channels(r, channels);
   return status == FUM_OK ? make_values(r) : status;
 }
 
@@ -369,17 +383,11 @@ int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_se
   if (status == FUM_OK && out_deep != NULL) status = allocate_deep(&r);
   const fum_channels *channels = NULL;
   if (status == FUM_OK) status = fum_channels_update(scene, &r.settings, &channels);
-  if (status == FUM_OK && out_deep != NULL && channels->count > 1) {
-    status =
-        fum_fail(context, FUM_ERROR_ARGUMENT,
-                 "deep pixels: smoke that weakens red, green and blue by different shares has no depth of its own");
-  }
   if (status != FUM_OK) goto done;
   r.stats.build_s = scene->caches->build_s;
   fum_view_place(&r.view, scene->origin);
   status = fum_solid_view_find(context, scene->caches->solids, &r.view, &r.solid);
   if (status == FUM_OK) status = make_passes(&r, channels);
-  if (status == FUM_OK && r.deep != NULL) status = fum_deep_gather(r.deep);
   if (status != FUM_OK) goto done;
   hand_over(&r, pass_count, passes);
   fill_stats(&r);

@@ -136,7 +136,9 @@ static const fum_deep_curve *find_curve(const fum_deep_tile *tile, const fum_fac
   }
   if (traces == 1) return &c->of[0];
   c->mixed.count = 0;
-  fum_deep_mix(&c->of[0], &c->of[1], share, &c->mixed);
+  const float rest = 1.0F - share;
+  const fum_deep_share shares[TRACES] = {{share, {share, share, share}}, {rest, {rest, rest, rest}}};
+  fum_deep_mix(TRACES, c->of, shares, &c->mixed);
   return &c->mixed;
 }
 
@@ -228,6 +230,15 @@ int32_t fum_deep_gather(fum_deep *deep) {
   deep->sample_count = total;
   free_parts(deep);
   return FUM_OK;
+}
+
+void fum_deep_find_rows(const fum_deep *deep, int64_t *out_firsts) {
+  out_firsts[0] = 0;
+  for (int32_t y = 0; y < deep->height; y++) {
+    out_firsts[y + 1] = out_firsts[y];
+    for (int32_t x = 0; x < deep->width; x++)
+      out_firsts[y + 1] += deep->counts[(int64_t)y * deep->width + x];
+  }
 }
 
 int64_t fum_deep_samples(const fum_deep *deep, const uint32_t **out_counts, const fum_deep_sample **out_samples) {

@@ -27,6 +27,13 @@ int32_t fum_deep_create(fum_context *context, const fum_view *view, fum_deep **o
 /* Puts the samples of all tiles in the order of the pixels. */
 int32_t fum_deep_gather(fum_deep *deep);
 
+/* First sample of each row, and behind the last one: [height + 1]. */
+void fum_deep_find_rows(const fum_deep *deep, int64_t *out_firsts);
+
+/* Makes one picture of several of the same view: `count` of them, in which red, green and blue are drawn as `of` says.
+ * Opacity is the mean of the three channels'. `out` is as fum_deep_create made it. */
+int32_t fum_deep_join(fum_deep *const *parts, int32_t count, const int32_t of[3], float tolerance, fum_deep *out);
+
 /* ---- While a tile is drawn; nothing here touches another thread's tile ------------------------------------------- */
 
 /* Buffers of one thread. */

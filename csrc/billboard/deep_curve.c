@@ -117,20 +117,44 @@ static void look_up(const fum_deep_curve *curve, float depth, int32_t *at, float
     out[k] = curve->sums[k][before] + share * (curve->sums[k][behind] - curve->sums[k][before]);
 }
 
-void fum_deep_mix(const fum_deep_curve *a, const fum_deep_curve *b, float share, fum_deep_curve *out) {
+void fum_deep_mix(int32_t count, const fum_deep_curve *curves, const fum_deep_share *shares, fum_deep_curve *out) {
   const float darkest = 16.0F;
-  int32_t i = 0, j = 0, at_a = 0, at_b = 0;
-  while (i < a->count || j < b->count) {
-    const bool is_a = j == b->count || (i < a->count && a->depth[i] <= b->depth[j]);
-    const float depth = is_a ? a->depth[i++] : b->depth[j++];
-    float of_a[SUMS], of_b[SUMS], sums[SUMS];
-    look_up(a, depth, &at_a, of_a);
-    look_up(b, depth, &at_b, of_b);
-    const float opacity = -share * expm1f(-of_a[0]) - (1.0F - share) * expm1f(-of_b[0]);
-    sums[0] = fum_min(-log1pf(-opacity), darkest);
-    for (int k = 1; k < SUMS; k++)
-      sums[k] = share * of_a[k] + (1.0F - share) * of_b[k];
+  int32_t next[FUM_DEEP_MIXED] = {0}, at[FUM_DEEP_MIXED] = {0};
+  for (;;) {
+    float depth = INFINITY, opacity = 0.0F, of[SUMS], sums[SUMS] = {0};
+    for (int32_t i = 0; i < count; i++) {
+      while (next[i] < curves[i].count && out->count > 0 && !(curves[i].depth[next[i]] > out->depth[out->count - 1]))
+        next[i]++;
+      if (next[i] < curves[i].count) depth = fum_min(depth, curves[i].depth[next[i]]);
+    }
+    if (!(depth < INFINITY)) return;
+    for (int32_t i = 0; i < count; i++) {
+      look_up(&curves[i], depth, &at[i], of);
+      opacity -= shares[i].opacity * expm1f(-of[0]);
+      for (int k = 1; k < SUMS; k++)
+        sums[k] += shares[i].rgb[k - 1] * of[k];
+    }
+    sums[0] = fum_min(-log1pf(-fum_min(opacity, 1.0F)), darkest);
     fum_deep_curve_add(out, depth, sums);
+  }
+}
+
+void fum_deep_unfold(const fum_deep_sample *samples, int32_t count, fum_deep_curve *out) {
+  float before[SUMS] = {0}, sums[SUMS];
+  for (int32_t i = 0; i < count; i++) {
+    const fum_deep_sample *s = &samples[i];
+    const float rise = -log1pf(-s->rgba[3]), seen = expf(-before[0]);
+    fum_deep_curve_add(out, s->depth, before);
+    for (int step = 1; step <= FUM_DEEP_STEPS; step++) {
+      const float share = (float)step / (float)FUM_DEEP_STEPS;
+      const float colored = s->rgba[3] > 0.0F ? -expm1f(-share * rise) / s->rgba[3] : share;
+      sums[0] = before[0] + share * rise;
+      for (int k = 1; k < SUMS; k++)
+        sums[k] = before[k] + seen * colored * s->rgba[k - 1];
+      fum_deep_curve_add(out, step < FUM_DEEP_STEPS ? s->depth + share * (s->depth_back - s->depth) : s->depth_back,
+                         sums);
+    }
+    memcpy(before, sums, sizeof before);
   }
 }
 

@@ -8,7 +8,7 @@
 
 #include <stdbool.h>
 
-enum { FUM_DEEP_SUMS = 4 };
+enum { FUM_DEEP_SUMS = 4, FUM_DEEP_MIXED = 3 /* most curves in a mixture */ };
 
 /* Sums up to each of `count` depths along the camera's axis: optical depth, and radiance R, G, B as it arrives at the
  * camera. Depths grow, sums don't fall; where they stay the same there is no smoke. */
@@ -34,9 +34,17 @@ enum { FUM_DEEP_STEPS = 2 };
 /* The smooth curve through the points of `knots`; `out` is empty and has room for FUM_DEEP_STEPS times their number. */
 void fum_deep_bend(const fum_deep_curve *knots, fum_deep_curve *out);
 
-/* What a pixel gathers of which `share` sees `a` and the rest `b`; `out` is empty and has room for the points of both.
- */
-void fum_deep_mix(const fum_deep_curve *a, const fum_deep_curve *b, float share, fum_deep_curve *out);
+/* What a curve has in a mixture. */
+typedef struct fum_deep_share {
+  float opacity, rgb[3];
+} fum_deep_share;
+
+/* A mixture of curves: their opacities and radiances times their shares, added up; shares of opacity add up to 1. `out`
+ * is empty and has room for the points of all. */
+void fum_deep_mix(int32_t count, const fum_deep_curve *curves, const fum_deep_share *shares, fum_deep_curve *out);
+
+/* The curve that samples stand for; `out` is empty and has room for (1 + FUM_DEEP_STEPS) times their number. */
+void fum_deep_unfold(const fum_deep_sample *samples, int32_t count, fum_deep_curve *out);
 
 /* How far what is in front of any depth may be off. */
 typedef struct fum_deep_limits {

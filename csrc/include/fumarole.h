@@ -392,7 +392,8 @@ typedef struct fum_deep fum_deep;
  * share of the pixel's opacity, and their radiance by that share of its brightest channel. In pixels with less than a
  * quarter of opacity it is the share that a quarter would have; what glows keeps its own.
  * Smoke is cut at solids; these have no samples. Where a solid's edge runs through a pixel, the pixel holds the mean of
- * what is in front of the solid and beside it. Device OpenGL can't do it.
+ * what is in front of the solid and beside it. The opacity of smoke that tints light is the mean over red, green and
+ * blue, as Combined's. Device OpenGL can't do it.
  * What it gives belongs to the scene's context and must be destroyed before that.
  */
 FUM_API int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_settings *settings,

@@ -111,10 +111,8 @@ static int32_t batch_make(const fum_deep *deep, batch *b) {
   int32_t status = fum_alloc(context, (int64_t)deep->height + 1, sizeof *b->firsts, "rows of the image", &b->firsts);
   if (status != FUM_OK) return status;
   b->widest = b->counts_size;
+  fum_deep_find_rows(deep, b->firsts);
   for (int32_t y = 0; y < deep->height; y++) {
-    b->firsts[y + 1] = b->firsts[y];
-    for (int32_t x = 0; x < deep->width; x++)
-      b->firsts[y + 1] += deep->counts[(int64_t)y * deep->width + x];
     if (samples_size(b, y) > b->widest) b->widest = samples_size(b, y);
   }
   status = fum_alloc(context, b->row_count, (size_t)(b->counts_size + b->widest), "rows of the image", &b->bytes);

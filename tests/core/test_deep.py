@@ -56,17 +56,25 @@ def two_materials(scene: core.Scene) -> None:
     puff(scene, 300, 1.0, seed=2, anisotropy=-0.3, albedo=(0.2, 0.4, 0.9))
 
 
+def tinted(scene: core.Scene) -> None:
+    """Red, green and blue are weakened by different shares; grey smoke is around it."""
+    puff(scene, 300, 2.0, extinction_color=(0.4, 1.0, 2.0))
+    puff(scene, 300, 1.0, seed=2)
+
+
 def dust(scene: core.Scene) -> None:
     """Thinner than pixels, lit at their centres."""
     puff(scene, 4000, 0.3, radius=0.01)
 
 
-PUFFS = [thin, thick, few, glowing, flame, two_materials, dust]
+PUFFS = [thin, thick, few, glowing, flame, two_materials, tinted, dust]
 
 
-def make(furnish: object, card: float | None = None, has_bar: bool = False) -> core.Scene:
+def make(
+    furnish: object, card: float | None = None, has_bar: bool = False, context: core.Context | None = None
+) -> core.Scene:
     """A lit puff. card: a wall across it at that height, which casts no shadow. has_bar: a slanted bar amid it."""
-    scene = core.Scene()
+    scene = core.Scene(context)
     furnish(scene)
     scene.add_light("POINT", matrix=[[1, 0, 0, 3], [0, 1, 0, 2], [0, 0, 1, 2], [0, 0, 0, 1]], power=1000.0)
     if card is not None:
@@ -157,7 +165,7 @@ def test_depths_are_along_the_axis() -> None:
     assert whole.sum() > 0.1
 
 
-@pytest.mark.parametrize("furnish", [thin, thick, few, two_materials, flame], ids=lambda furnish: furnish.__name__)
+@pytest.mark.parametrize("furnish", [thin, thick, few, two_materials, tinted, flame], ids=lambda furnish: furnish.__name__)
 def test_a_card_between_samples_is_one_in_the_scene(furnish: object) -> None:
     """Composited into the smoke at a depth, an opaque card hides what the same card as a holdout hides."""
     tolerance = 0.01
@@ -214,6 +222,23 @@ def test_pictures_do_not_change() -> None:
     wanted = ["Combined", ("Light", 0), "Emit", "Albedo", "Solid Shadow", "Vector"]
     parts = core.render(make(glowing, has_bar=True), CAMERAS["perspective"], passes=wanted, deep=True)
     assert abs(flatten(parts.deep.counts, parts.deep.samples) - parts["Combined"]).max() < 1e-4
+
+
+def test_threads_change_no_bit_of_joined_channels() -> None:
+    found = []
+    for threads in (1, 3):
+        with core.Context(threads) as context:
+            scene = make(tinted, has_bar=True, context=context)
+            found.append(core.render(scene, CAMERAS["perspective"], passes=[], deep=True).deep.samples)
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def test_joining_channels_is_cancelled() -> None:
+    def cancel(_stage: str, _fraction: float, message: str) -> bool:
+        return message == "Joining channels"
+
+    with core.Context(progress=cancel) as context, pytest.raises(core.Cancelled):
+        core.render(make(tinted, context=context), CAMERAS["perspective"], passes=[], deep=True)
 
 
 def test_file_holds_what_memory_does(tmp_path: Path) -> None:

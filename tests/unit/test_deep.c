@@ -167,7 +167,8 @@ static void mixtures_are_means_of_pictures(void **state) {
   for (int32_t i = 0; i < all.count && all.depth[i] < 4.1F; i++)
     fum_deep_curve_add(&front, all.depth[i], (float[4]){all.sums[0][i], all.sums[1][i], all.sums[2][i], 0.0F});
   const int32_t last = front.count - 1;
-  fum_deep_mix(&front, &all, 0.25F, &mixed);
+  const fum_deep_share shares[2] = {{0.25F, {0.25F, 0.25F, 0.25F}}, {0.75F, {0.75F, 0.75F, 0.75F}}};
+  fum_deep_mix(2, (const fum_deep_curve[2]){front, all}, shares, &mixed);
   assert_int_equal(mixed.count, all.count);
   for (int32_t i = 0; i < all.count; i++) {
     const int32_t of_front = i < last ? i : last;
@@ -176,9 +177,27 @@ static void mixtures_are_means_of_pictures(void **state) {
     assert_true(fabsf(mixed.sums[1][i] - 0.25F * front.sums[1][of_front] - 0.75F * all.sums[1][i]) < 1e-6F);
   }
   mixed.count = 0;
-  fum_deep_mix(&empty, &all, 0.25F, &mixed);
+  fum_deep_mix(2, (const fum_deep_curve[2]){empty, all}, shares, &mixed);
   assert_int_equal(mixed.count, all.count);
   assert_true(fabsf(mixed.sums[2][all.count - 1] - 0.75F * all.sums[2][all.count - 1]) < 1e-6F);
+}
+
+/* Samples become the curve that they stand for. */
+static void unfolded_samples_are_the_curve(void **state) {
+  (void)state;
+  static fum_deep_sample samples[MOST];
+  const fum_deep_curve curve = smoke_curve(0, 1.0 / 64.0);
+  fum_deep_curve unfolded = curve_in(1);
+  const int32_t count = fum_deep_divide(&curve, &(fum_deep_limits){0.02F, false}, samples);
+  fum_deep_unfold(samples, count, &unfolded);
+  assert_true(unfolded.count > 2 * count && unfolded.count <= (1 + FUM_DEEP_STEPS) * count);
+  for (int32_t i = 0; i < unfolded.count; i++) {
+    double seen[4];
+    flatten(samples, count, (double)unfolded.depth[i], seen);
+    assert_true(fabs(seen[3] + expm1(-(double)unfolded.sums[0][i])) < 1e-5);
+    for (int c = 0; c < 3; c++)
+      assert_true(fabs(seen[c] - (double)unfolded.sums[1 + c][i]) < 1e-5);
+  }
 }
 
 /* ---- Files ------------------------------------------------------------------------------------------------------- */
@@ -455,6 +474,7 @@ int main(void) {
       cmocka_unit_test(gaps_are_not_bridged),
       cmocka_unit_test(what_glows_alone_is_kept),
       cmocka_unit_test(mixtures_are_means_of_pictures),
+      cmocka_unit_test(unfolded_samples_are_the_curve),
       FILE_TEST(file_is_read_back_by_openexr_core),
       FILE_TEST(file_flattens_to_combined),
       FILE_TEST(part_of_a_frame_has_its_place),
