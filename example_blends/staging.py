@@ -16,14 +16,15 @@ PUFF_GRAINS = 700  # in a lobe
 
 
 def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], material: bpy.types.Material) -> None:
-    """An object whose geometry nodes make `count` points with the attributes that `make` gives."""
+    """An object whose geometry nodes make `count` points with the attributes that `make` gives: position, radius, id and
+    others by name."""
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.outputs.new("NodeSocketGeometry", "Geometry")
     fields = Fields(tree)
     attributes = make(fields)
     points = fields.points(count, attributes["position"], attributes["radius"])
-    points = fields.store(points, "density", "FLOAT", attributes["density"])
-    points = fields.store(points, "id", "INT", attributes["id"])
+    for key in sorted(attributes.keys() - {"position", "radius"}):
+        points = fields.store(points, key, "INT" if key == "id" else "FLOAT", attributes[key])
     paint = tree.nodes.new("GeometryNodeSetMaterial")
     paint.inputs["Material"].default_value = material
     connect(tree, paint, {"Geometry": points})

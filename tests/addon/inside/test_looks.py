@@ -291,3 +291,15 @@ def test_blackbody_of_principled_volume_is_that_of_cycles(tmp_path: Path) -> Non
     (item,) = scenes.export().particles
     assert expected.max() > 0.05
     assert 2 * item.volume.emission[0] == pytest.approx(expected, rel=0.04, abs=0.02 * float(expected.max()))
+
+
+def test_fire_becomes_smoke(tmp_path: Path) -> None:
+    """The example: without lamps the flames are left, at the foot."""
+    bpy.ops.wm.open_mainfile(filepath=str(Path(__file__).resolve().parents[3] / "example_blends" / "fire.blend"))
+    bpy.context.scene.render.resolution_percentage = 10
+    bpy.context.view_layer.use_pass_emit = True
+    channels = scenes.render_channels(tmp_path)
+    lit = stack(channels, "ViewLayer.Combined", "RGB") - stack(channels, "ViewLayer.Emit", "RGB")
+    emitted, half = stack(channels, "ViewLayer.Emit", "RGB"), lit.shape[0] // 2
+    assert emitted[:half].max() > 0.5 and emitted[half:].max() < 0.1 * emitted.max()
+    assert lit[half:].max() > 0.02
