@@ -176,6 +176,20 @@ def test_shadow_on_a_floor_is_tinted(kind: str) -> None:
         assert np.abs(result[name].reshape(-1, 3) - expected).max() < 2e-3, name
 
 
+def test_linked_lights_are_tinted_by_what_blocks_them() -> None:
+    """Of two tinted sets one isn't lit by the first light and doesn't block the second."""
+    tinted = cloud(30) | {"extinction_color": RANDOM_COLORS}
+    other = PUFF | {"extinction_color": (3.0, 0.5, 0.0), "light_set": 1, "shadow_set": 1}
+    lights = (LIGHT | {"light_sets": [0]}, SUN | {"shadow_sets": [0]})
+    scene = make(tinted, other, lights=lights)
+    truth = core.render_reference(scene, CAMERA)["Combined"][..., :3]
+    level = np.sqrt((truth**2).mean((0, 1)))
+    both = (scene, make(tinted, other, lights=(LIGHT, SUN)))
+    linked, unlinked = (core.render(each, CAMERA)["Combined"][..., :3] for each in both)
+    assert (np.sqrt(((linked - truth) ** 2).mean((0, 1))) < 0.01 * level).all()
+    assert (np.sqrt(((unlinked - truth) ** 2).mean((0, 1))) > 0.05 * level).any()
+
+
 def test_parts_add_up_and_threads_change_no_bit() -> None:
     smoke = cloud(300) | {
         "emission": (0.1, 0.2, 0.4),
