@@ -48,6 +48,17 @@ def linked_collections(owner: bpy.types.Object) -> tuple[bpy.types.Collection | 
     return (None, None) if linking is None else (linking.receiver_collection, linking.blocker_collection)
 
 
+def corner_normals(mesh: bpy.types.Mesh) -> np.ndarray:
+    """The normals (n, 3) float32 of all faces' corners, smooth where the mesh is."""
+    normals = np.empty(3 * len(mesh.loops), dtype=np.float32)
+    if hasattr(mesh, "corner_normals"):
+        mesh.corner_normals.foreach_get("vector", normals)
+    else:  # before Blender 4.1
+        mesh.calc_normals_split()
+        mesh.loops.foreach_get("normal", normals)
+    return normals.reshape(-1, 3)
+
+
 def node_tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | None:
     """The shader nodes in use, or None."""
     return owner.node_tree if _MATERIALS_ALWAYS_USE_NODES or owner.use_nodes else None

@@ -112,6 +112,9 @@ class FumaroleEngine(bpy.types.RenderEngine):
             if any(item.name == "Vector" for item in passes):
                 camera = camera.moving(*self._cameras_beside(depsgraph, scene))
             wanted = [name for item in passes for name in item.wanted(scene.lights)]
+            is_opaque = not depsgraph.scene.render.film_transparent
+            has_holdouts = is_opaque and scene.has_holdouts
+            wanted += ["Holdout"] if has_holdouts else []
             deep_path = None if self.is_preview else deep.wanted_path(depsgraph, view, self.is_animation)
             settings = depsgraph.scene.fumarole.to_core()
             result = core.render(core_scene, camera, settings, wanted, deep=deep_path is not None)
@@ -120,8 +123,8 @@ class FumaroleEngine(bpy.types.RenderEngine):
             global _last_stats
             _last_stats = result.stats
             pixels = {item.name: item.pixels(result, scene.lights) for item in passes}
-            if not depsgraph.scene.render.film_transparent:
-                _put_over(pixels["Combined"], scene.background)
+            if is_opaque:
+                _put_over(pixels["Combined"], scene.background, result["Holdout"] if has_holdouts else None)
             if deep_path is not None:
                 with result.deep as samples:
                     deep.write(samples, deep_path, depsgraph.scene.render)
@@ -259,10 +262,14 @@ def _size(render: bpy.types.RenderSettings) -> tuple[int, int]:
     return x1 - x0, y1 - y0
 
 
-def _put_over(combined: np.ndarray, background: np.ndarray) -> None:
-    """Puts premultiplied pixels (height, width, 4) over an opaque colour (3,), in place."""
-    combined[..., :3] += (1 - combined[..., 3:]) * background.astype(np.float32)
-    combined[..., 3] = 1
+def _put_over(combined: np.ndarray, background: np.ndarray, holdout: np.ndarray | None) -> None:
+    """Puts premultiplied pixels (height, width, 4) over an opaque colour (3,), in place.
+
+    `holdout` (height, width, 3): share of it that holdouts keep out, and leave transparent, as Cycles does.
+    """
+    left = 1 - combined[..., 3:] if holdout is None else 1 - combined[..., 3:] - holdout
+    combined[..., :3] += np.maximum(left, 0) * background.astype(np.float32)
+    combined[..., 3] = 1 if holdout is None else 1 - holdout.mean(-1)
 
 
 def register() -> None:

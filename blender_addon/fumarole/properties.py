@@ -27,6 +27,13 @@ _DEVICES = (
 )
 
 
+_SOLIDS = (
+    ("HOLDOUT", "Holdout", "They hide smoke and are transparent, so that the picture goes over one of the solids", 0),
+    ("SHADED", "Shaded", "They are drawn plainly: matt, in their materials' colours, lit by the lights alone. Objects "
+     "and collections may stay holdouts", 1),
+)
+
+
 def _smoke_switch() -> EnumProperty:
     return EnumProperty(name="Smoke", description="Whether the particles are drawn as smoke", items=_SMOKE, default=0)
 
@@ -69,6 +76,7 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
         max=0.5,
         precision=4,
     )
+    solids: EnumProperty(name="Solids", description="How meshes look in the picture", items=_SOLIDS, default=0)
     light_samples: IntProperty(
         name="Light Samples",
         description="Most points that a light with a size is sampled at. Lights that look small from the smoke take "
@@ -149,7 +157,7 @@ class FumaroleViewLayerSettings(bpy.types.PropertyGroup):
 
     use_pass_opacity: BoolProperty(
         name="Opacity",
-        description="The smoke's opacity, whatever is put behind it",
+        description="The opacity of the smoke, and of solids if they are shaded, whatever is put behind",
         update=_tell_passes,
     )
     use_pass_depth_range: BoolProperty(

@@ -100,7 +100,9 @@ class FUMAROLE_PT_film(FumarolePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        self.column().prop(context.scene.render, "film_transparent", text="Transparent")
+        column = self.column()
+        column.prop(context.scene.render, "film_transparent", text="Transparent")
+        column.prop(context.scene.fumarole, "solids")
 
 
 class FUMAROLE_PT_performance(FumarolePanel, bpy.types.Panel):

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The pass Combined, by either device. */
+/* The pass Combined of the smoke, by either device. */
 #ifndef FUM_API_COMBINE_H
 #define FUM_API_COMBINE_H
 
@@ -24,6 +24,7 @@ typedef struct fum_rendering {
   float *opacity;
   float *position; /* [height][width][3], as those below */
   float *emission; /* a part of combined */
+  float *holdout;  /* of what is behind the smoke */
   float *shadow;   /* of smoke on solids */
   float *albedo;
   float *solid_shadow;         /* of solids on smoke */
@@ -36,6 +37,9 @@ typedef struct fum_rendering {
   int32_t crypto_count;
   float *crypto[FUM_MAX_RANK_PAIRS]; /* [crypto_count] [height][width][4] */
   struct fum_deep *deep;             /* the smoke in depth */
+  /* [height][width] transmittance from the camera up to the nearer solid, and to what is beside it; NULL: not needed.
+   */
+  float *through[2];
   fum_render_stats stats;
 } fum_rendering;
 

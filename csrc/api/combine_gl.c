@@ -80,6 +80,10 @@ static fum_frame make_frame(const fum_rendering *r) {
   return frame;
 }
 
+static int64_t pixel_count(const fum_rendering *r) {
+  return (int64_t)r->view.width * r->view.height;
+}
+
 /* Billboards in their order, for drawing them again with other values. */
 typedef struct arranged {
   fum_rendering *r;
@@ -89,12 +93,39 @@ typedef struct arranged {
   fum_billboard *billboards;
 } arranged;
 
+static void note_through(const fum_rendering *r, const float *rgba, float *through) {
+  for (int64_t i = 0; i < pixel_count(r) && through != NULL; i++)
+    through[i] = 1.0F - rgba[4 * i + 3];
+}
+
+/* Draws up to the nearer solid in each pixel, and where edges run what is beside it as well. `through` is as of the
+ * rendering. */
+static int32_t draw_up_to_solids(const arranged *a, float *const through[2], float *out_rgba) {
+  fum_rendering *r = a->r;
+  fum_frame frame = a->frame;
+  float *beside = NULL;
+  int32_t status = fum_gl_draw(r->context, &frame, a->count, a->billboards, out_rgba, r->stats.device);
+  if (status == FUM_OK) note_through(r, out_rgba, through[0]);
+  if (status != FUM_OK || r->solid.shares == NULL) return status;
+  status = fum_alloc(r->context, pixel_count(r), 4 * sizeof *beside, "picture beside solids", &beside);
+  frame.solid_depths = r->solid.behind;
+  if (status == FUM_OK) status = fum_gl_draw(r->context, &frame, a->count, a->billboards, beside, r->stats.device);
+  for (int64_t i = 0; i < 4 * pixel_count(r) && status == FUM_OK; i++) {
+    const float share = r->solid.shares[i / 4];
+    if (share < 1.0F) out_rgba[i] = share * out_rgba[i] + (1.0F - share) * beside[i];
+  }
+  if (status == FUM_OK) note_through(r, beside, through[1]);
+  fum_free(r->context, &beside);
+  return status;
+}
+
 /* A fum_draw_values_fn. */
 static int32_t draw_values(void *user, const float *values, float *out_rgba) {
+  float *const nowhere[2] = {NULL, NULL};
   const arranged *a = user;
   for (int64_t n = 0; n < a->count; n++)
     memcpy(a->billboards[n].source, values + 3 * (int64_t)a->ranks[n], sizeof a->billboards[n].source);
-  return fum_gl_draw(a->r->context, &a->frame, a->count, a->billboards, out_rgba, a->r->stats.device);
+  return draw_up_to_solids(a, nowhere, out_rgba);
 }
 
 static int32_t draw_billboards(fum_rendering *r, const float *light) {
@@ -113,10 +144,10 @@ static int32_t draw_billboards(fum_rendering *r, const float *light) {
   r->stats.drawn_count = count;
   r->stats.sort_s = fum_now_s() - start_s;
   start_s = fum_now_s();
-  status = fum_gl_draw(r->context, &frame, count, billboards, r->combined, r->stats.device);
+  arranged all_of_them = {r, frame, count, ranks, billboards};
+  status = draw_up_to_solids(&all_of_them, r->through, r->combined);
   r->stats.draw_s = fum_now_s() - start_s;
-  arranged again = {r, frame, count, ranks, billboards};
-  if (status == FUM_OK) status = fum_attributes_make(r, draw_values, &again);
+  if (status == FUM_OK) status = fum_attributes_make(r, draw_values, &all_of_them);
 done:
   fum_free(r->context, &billboards);
   fum_free(r->context, &ranks);

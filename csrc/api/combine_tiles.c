@@ -194,6 +194,7 @@ static int32_t draw_values(void *user, const float *values, float *out_rgba) {
 /* Passes that are drawn as Combined is. */
 static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const smoke_light *light,
                            fum_tile_job *job) {
+  job->through[0] = job->through[1] = NULL; /* they are noted already */
   int32_t status = fum_attributes_make(r, draw_values, job);
   if (status == FUM_OK && fum_solid_shadow_is_wanted(r)) status = fum_solid_shadow_find(r, job);
   if (status == FUM_OK && r->error != NULL) status = fum_light_error_find(r, lighting, &light->slabs, &light->lattice);
@@ -219,6 +220,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .solid_depths = r->solid.depths,
                       .solid_behind = r->solid.behind,
                       .solid_shares = r->solid.shares,
+                      .through = {r->through[0], r->through[1]},
                       .straight = 0.5F * r->settings.tolerance,
                       .rgba = r->combined,
                       .light_rgb = r->lights,

@@ -2,6 +2,7 @@
 #include "api/combine.h"
 #include "api/settings.h"
 #include "api/shadow.h"
+#include "api/solids.h"
 #include "billboard/deep.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
@@ -44,7 +45,7 @@ static bool needs_tiles(int32_t pass) {
 /* Is it drawn with Combined? */
 static bool is_drawn(int32_t pass) {
   return needs_tiles(pass) || pass == FUM_PASS_OPACITY || pass == FUM_PASS_ALBEDO || pass == FUM_PASS_VECTOR ||
-         pass == FUM_PASS_CRYPTO_OBJECT;
+         pass == FUM_PASS_CRYPTO_OBJECT || pass == FUM_PASS_HOLDOUT;
 }
 
 static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted) {
@@ -92,6 +93,8 @@ static float **place_of(fum_rendering *r, int32_t pass, int32_t number) {
     return &r->emission;
   case FUM_PASS_SHADOW:
     return &r->shadow;
+  case FUM_PASS_HOLDOUT:
+    return &r->holdout;
   case FUM_PASS_OPACITY:
     return &r->opacity;
   case FUM_PASS_DEPTH_FRONT:
@@ -165,7 +168,10 @@ static void free_passes(fum_rendering *r) {
   fum_free(r->context, &r->solid_shadow);
   fum_free(r->context, &r->vector);
   fum_free(r->context, &r->albedo);
+  for (int k = 0; k < 2; k++)
+    fum_free(r->context, &r->through[k]);
   fum_free(r->context, &r->shadow);
+  fum_free(r->context, &r->holdout);
   fum_free(r->context, &r->emission);
   fum_free(r->context, &r->position);
   fum_free(r->context, &r->opacity);
@@ -199,7 +205,10 @@ static void add_stats(const fum_render_stats *channel, fum_render_stats *stats) 
 }
 
 static int32_t make_combined(fum_rendering *r) {
-  return r->settings.device == FUM_DEVICE_GL ? fum_combine_with_gl(r) : fum_combine_with_tiles(r);
+  int32_t status = fum_solids_begin(r);
+  if (status != FUM_OK) return status;
+  status = r->settings.device == FUM_DEVICE_GL ? fum_combine_with_gl(r) : fum_combine_with_tiles(r);
+  return status == FUM_OK ? fum_solids_compose(r) : status;
 }
 
 static int32_t make_depths(fum_rendering *r) {
@@ -387,6 +396,8 @@ int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_se
   r.stats.build_s = scene->caches->build_s;
   fum_view_place(&r.view, scene->origin);
   status = fum_solid_view_find(context, scene->caches->solids, &r.view, &r.solid);
+  if (status == FUM_OK && r.deep != NULL && r.settings.solids == FUM_SOLIDS_SHADED && r.solid.depths != NULL)
+    fum_warn(context, "deep pixels hold the smoke alone: shaded solids aren't in them");
   if (status == FUM_OK) status = make_passes(&r, channels);
   if (status != FUM_OK) goto done;
   hand_over(&r, pass_count, passes);

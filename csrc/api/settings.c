@@ -43,6 +43,7 @@ int32_t fum_settings_check(fum_context *context, const fum_settings *settings, f
   if (status == FUM_OK) status = check_float(context, "solid_shadow_intensity", s.solid_shadow_intensity, 0.0F, 1.0F);
   if (status == FUM_OK) status = check_float(context, "subsampling", s.subsampling, 1e-6F, 1.0F);
   if (status == FUM_OK) status = check_float(context, "intersection_scale", s.intersection_scale, 0.01F, 100.0F);
+  if (status == FUM_OK) status = check_integer(context, "solids", s.solids, FUM_SOLIDS_HOLDOUT, FUM_SOLIDS_SHADED);
   if (status == FUM_OK) *out_settings = s;
   return status;
 }

@@ -2,6 +2,7 @@
 #include "api/shadow.h"
 
 #include "api/surface_light.h"
+#include "pass/places.h"
 
 /* Light that reaches the solid in each pixel, through smoke and without. Sums over places in the pixel, so that places
  * count as much as they are lit. */
@@ -53,14 +54,15 @@ static int32_t add_places(const fum_rendering *r, int64_t count, const uint32_t 
 /* Does a channel bend so much across a pixel that its centre doesn't stand for it? Slopes even out. */
 static bool is_rough(const fum_rendering *r, const sums *s, int32_t x, int32_t y) {
   const float smooth = 0.25F * r->settings.tolerance;
-  const int32_t width = r->view.width, height = r->view.height;
-  const int64_t pixel = (int64_t)y * width + x, up = y > 0 && y < height - 1 ? width : 0,
-                across = x > 0 && x < width - 1 ? 1 : 0;
+  const int64_t pixel = (int64_t)y * r->view.width + x;
+  int64_t steps[FUM_STEPS];
+  fum_steps_around(&r->view, x, y, steps);
   for (int32_t c = 0; c < s->channels; c++) {
     const float here = share_of(s, pixel, c);
-    const float left = share_of(s, pixel - across, c), right = share_of(s, pixel + across, c);
-    const float below = share_of(s, pixel - up, c), above = share_of(s, pixel + up, c);
-    if (fabsf(left - 2.0F * here + right) > smooth || fabsf(below - 2.0F * here + above) > smooth) return true;
+    for (int k = 0; k < FUM_STEPS; k++) {
+      const float before = share_of(s, pixel - steps[k], c), behind = share_of(s, pixel + steps[k], c);
+      if (fabsf(before - 2.0F * here + behind) > smooth) return true;
+    }
   }
   return false;
 }

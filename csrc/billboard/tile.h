@@ -51,6 +51,8 @@ typedef struct fum_tile_job {
                                 mean along the ray, weighted with what each adds to opacity; NULL: none */
   float straight;            /* sigmas along the view within which bent faces count as flat: a share of the tolerance */
   float thinnest;            /* optical depth that a particle counts at least; above 0 if anything glows */
+  float *through[2];         /* [height][width] of 1, to be the transmittance up to the solid, and beside it; NULL: not
+                                asked for */
   float *rgba;               /* [height][width][4] */
   float *const *light_rgb;   /* [lights] [height][width][3] of rgba, what each light makes; NULL: not asked for */
   float *emission;           /* [height][width][3] of rgba, what the smoke itself emits; NULL: not asked for */

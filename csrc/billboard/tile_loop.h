@@ -154,6 +154,7 @@ static void write_pixels(const tile *t, const fum_tile_scratch *scratch, sums *s
       const int64_t pixel = (int64_t)(t->y0 + y) * job->view->width + t->x0 + x;
       const int32_t i = fum_tile_pixel(x, y);
       job->rgba[4 * pixel + 3] += t->weights[i] * -expm1f(-s->depth[i]);
+      if (t->through != NULL) t->through[pixel] = expf(-s->depth[i]);
     }
   }
 }
@@ -225,10 +226,12 @@ void FUM_TILE_NAME(const fum_tile_job *job, int64_t index, fum_tile_scratch *scr
             .x0 = (int32_t)(index % splats->columns) * FUM_TILE,
             .y0 = (int32_t)(index / splats->columns) * FUM_TILE,
             .solid_depths = job->solid_depths,
+            .through = job->through[0],
             .channels = job->is_uniform ? 1 : 1 + 3 * job->class_count + (job->glows ? 3 : 0)};
   (void)weigh(&t, false);
   draw(&t, indices, count, scratch);
   if (job->solid_shares == NULL || !weigh(&t, true)) return;
   t.solid_depths = job->solid_behind;
+  t.through = job->through[1];
   draw(&t, indices, count, scratch);
 }

@@ -15,6 +15,7 @@ typedef struct tile {
   const fum_tile_job *job;
   int32_t x0, y0;
   const float *solid_depths; /* the job's, or those beside solids */
+  float *through;            /* where its transmittance goes; NULL: nowhere */
   int32_t first_slab, slab_count, channels;
   float columns[FUM_TILE], rows[FUM_TILE];           /* of the window */
   float u[FUM_TILE_PIXELS], v[FUM_TILE_PIXELS];      /* the same for each pixel */

@@ -88,6 +88,12 @@ enum { FUM_SOLVER_AUTOMATIC = 0, FUM_SOLVER_EXACT = 1, FUM_SOLVER_SWEEP = 2 };
  */
 enum { FUM_DEVICE_AUTO = 0, FUM_DEVICE_GL = 1, FUM_DEVICE_TILES = 2 };
 
+/**
+ * How solids look in Combined. Holdout: transparent; they hide what is behind them. Shaded: Lambertian and opaque, lit
+ * by the lights alone, through smoke and past other solids.
+ */
+enum { FUM_SOLIDS_HOLDOUT = 0, FUM_SOLIDS_SHADED = 1 };
+
 /** Passes, in the order of the pass table (fum_pass_get). */
 enum {
   FUM_PASS_COMBINED = 0,
@@ -105,7 +111,8 @@ enum {
   FUM_PASS_SOLID_SHADOW = 12,
   FUM_PASS_LIGHT_SOLID_SHADOW = 13, /**< of one light */
   FUM_PASS_ERROR = 14,
-  FUM_PASS_CRYPTO_OBJECT = 15 /**< of two ranks */
+  FUM_PASS_CRYPTO_OBJECT = 15, /**< of two ranks */
+  FUM_PASS_HOLDOUT = 16
 };
 
 /** Sets by which lights are linked to what they shine on and to what blocks them. */
@@ -213,7 +220,7 @@ typedef struct fum_particles_desc {
 FUM_API void fum_particles_desc_init(fum_particles_desc *desc);
 FUM_API int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc);
 
-/** Triangles that cast shadows on the smoke and hide it. Degenerate triangles are harmless. */
+/** Triangles that cast shadows on the smoke and hide it; shaded from both sides. Degenerate triangles are harmless. */
 typedef struct fum_mesh_desc {
   uint32_t struct_size;
   uint32_t visibility; /**< FUM_VISIBLE_ flags; default all */
@@ -223,8 +230,14 @@ typedef struct fum_mesh_desc {
   const float *vertices;       /**< [3 vertex_count], local space, finite */
   const uint32_t *triangles;   /**< [3 triangle_count], indices below vertex_count */
   double world_from_local[16]; /**< default identity */
-  int32_t light_set;           /**< as of particles; for passes of light on solids */
+  int32_t light_set;           /**< as of particles; where light on solids is asked for */
   int32_t shadow_set;          /**< as of particles, but not -1 */
+  float albedo[3];             /**< share of the light that it reflects where solids are shaded, 0..1; default 0.8 */
+  float emission[3];           /**< radiance that it shows where solids are shaded, W/(m^2 sr), at least 0; it lights
+                                    nothing else. Default 0 */
+  int32_t is_holdout;          /**< 1: a holdout also where solids are shaded; default 0 */
+  const float *normals; /**< [9 triangle_count] of the triangles' corners, local space, any length, finite: between
+                             them light on the triangle is as on a smooth surface. NULL: flat */
 } fum_mesh_desc;
 
 enum {
@@ -284,6 +297,7 @@ typedef struct fum_settings {
   float subsampling; /**< artistic: share of the particles that cast shadows on smoke, above 0 and at most 1, chosen by
                           id, their density rescaled; default 1 */
   float intersection_scale; /**< artistic: factor on particles' radius towards lights, 0.01..100; default 1 */
+  int32_t solids;           /**< FUM_SOLIDS_; default holdout */
 } fum_settings;
 
 FUM_API void fum_settings_init(fum_settings *settings);
@@ -364,11 +378,12 @@ FUM_API void fum_render_stats_init(fum_render_stats *stats);
 
 /**
  * Lights and draws the scene. `settings` may be NULL (defaults), `out_stats` may be NULL.
- * Combined is premultiplied RGBA radiance. Where extinction colours aren't grey, red, green and blue are lit and drawn
- * one after the other (stages of progress begin anew for each), alpha is the mean of what they lose, and passes that
- * aren't colours are found by the mean extinction; the stats' seconds and points are those of all three, the accuracy
- * that of the channel where light is farthest off. Depth is the distance along the camera's axis at which the
- * transmittance from the camera passes one half, else that of the solid there, else clip_end.
+ * Combined is premultiplied RGBA radiance, of the smoke, and of solids if they are shaded. Where extinction colours
+ * aren't grey, red, green and blue are lit and drawn one after the other (stages of progress begin anew for each),
+ * alpha is the mean of what they lose, and passes that aren't colours are found by the mean extinction; the stats'
+ * seconds and points are those of all three, the accuracy that of the channel where light is farthest off. Depth is the
+ * distance along the camera's axis at which the transmittance from the camera passes one half, else that of the solid
+ * there, else clip_end.
  */
 FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, int32_t pass_count,
                            const fum_pass_buffer *passes, fum_render_stats *out_stats);
@@ -380,7 +395,7 @@ FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum
  */
 typedef struct fum_deep_sample {
   float rgba[4];           /**< premultiplied radiance and opacity of the sample alone; over one another, nearest first,
-                              they make Combined */
+                              they make Combined, but for shaded solids */
   float depth, depth_back; /**< along the camera's axis, m; depth < depth_back */
 } fum_deep_sample;
 
@@ -438,6 +453,7 @@ typedef struct fum_reference_settings {
                               default 256. Near an area light more are taken */
   double tolerance;      /**< error that is allowed in a pixel's RGB, as a share of its brightest channel, 1e-10..0.1;
                               default 1e-4 */
+  int32_t solids;        /**< FUM_SOLIDS_; default holdout */
 } fum_reference_settings;
 
 FUM_API void fum_reference_settings_init(fum_reference_settings *settings);

@@ -11,12 +11,14 @@ static const float SMOOTH = 0.01F;
 
 /* Does depth bend at the pixel? Slopes are those of one surface. */
 static bool is_edge(const fum_view *view, const float *depths, int32_t x, int32_t y) {
-  const int64_t width = view->width, pixel = (int64_t)y * width + x;
+  const int64_t pixel = (int64_t)y * view->width + x;
   const float here = depths[pixel];
-  const int64_t across = x > 0 && x < view->width - 1 ? 1 : 0, up = y > 0 && y < view->height - 1 ? width : 0;
-  const float bends[] = {depths[pixel - across] - 2.0F * here + depths[pixel + across],
-                         depths[pixel - up] - 2.0F * here + depths[pixel + up]};
-  return fabsf(bends[0]) > SMOOTH * here || fabsf(bends[1]) > SMOOTH * here;
+  int64_t steps[FUM_STEPS];
+  fum_steps_around(view, x, y, steps);
+  for (int k = 0; k < FUM_STEPS; k++) {
+    if (fabsf(depths[pixel - steps[k]] - 2.0F * here + depths[pixel + steps[k]]) > SMOOTH * here) return true;
+  }
+  return false;
 }
 
 static int compare(const void *a, const void *b) {
@@ -49,6 +51,7 @@ static void look_closely(const fum_solids *solids, const fum_view *view, int64_t
   out->depths[pixel] = mean(depths, near);
   out->behind[pixel] = near < FUM_PLACES ? mean(depths + near, FUM_PLACES - near) : out->depths[pixel];
   out->shares[pixel] = (float)near / (float)FUM_PLACES;
+  if (near < FUM_PLACES) out->between[pixel] = 0.5F * (depths[near - 1] + depths[near]);
 }
 
 /* Finds the edges before anything is changed: they are found by neighbours. */
@@ -64,10 +67,12 @@ static int32_t find_edges(fum_context *context, const fum_solids *solids, const 
   if (status != FUM_OK || count == 0) goto done;
   status = fum_alloc(context, pixels, sizeof *out->behind, "edges of solids", &out->behind);
   if (status == FUM_OK) status = fum_alloc(context, pixels, sizeof *out->shares, "edges of solids", &out->shares);
+  if (status == FUM_OK) status = fum_alloc(context, pixels, sizeof *out->between, "edges of solids", &out->between);
   if (status != FUM_OK) goto done;
   for (int64_t i = 0; i < pixels; i++) {
     out->behind[i] = out->depths[i];
     out->shares[i] = 1.0F;
+    out->between[i] = INFINITY;
   }
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256)
   for (int64_t n = 0; n < count; n++) {
@@ -107,4 +112,5 @@ void fum_solid_view_free(fum_context *context, fum_solid_view *solid_view) {
   fum_free(context, &solid_view->depths);
   fum_free(context, &solid_view->behind);
   fum_free(context, &solid_view->shares);
+  fum_free(context, &solid_view->between);
 }

@@ -17,6 +17,14 @@ static inline void fum_place_in_pixel(int32_t index, double out[2]) {
   out[1] = (REVERSED[index] + 0.5) / FUM_PLACES;
 }
 
+/* Steps from a pixel to its neighbours on one side, across and up; those on the other side are as far away. 0 at the
+ * picture's border. */
+enum { FUM_STEPS = 2 };
+static inline void fum_steps_around(const fum_view *view, int32_t x, int32_t y, int64_t out_steps[FUM_STEPS]) {
+  out_steps[0] = x > 0 && x < view->width - 1 ? 1 : 0;
+  out_steps[1] = y > 0 && y < view->height - 1 ? view->width : 0;
+}
+
 /* What the camera sees of solids along one ray. */
 typedef struct fum_sight {
   double start[3], direction[3]; /* of the ray, local space; the direction is a metre deep */

@@ -19,13 +19,14 @@ static seen look(const fum_solids *solids, const fum_view *view, double x, doubl
   const fum_sight sight = fum_look(solids, view, x, y);
   const double *d = sight.direction;
   const float t = sight.depth, n[3] = {sight.solid.normal.x, sight.solid.normal.y, sight.solid.normal.z};
+  const float smooth[3] = {sight.solid.smooth.x, sight.solid.smooth.y, sight.solid.smooth.z};
   seen s = {.depth = t, .mesh = -1};
   if (!(t < (float)view->clip_end) || (n[0] == 0.0F && n[1] == 0.0F && n[2] == 0.0F)) return s;
   const float lift = LIFT * t * fum_length((fum_vec3){(float)d[0], (float)d[1], (float)d[2]});
   s.mesh = sight.solid.mesh;
   for (int axis = 0; axis < 3; axis++) {
     s.position[axis] = (float)(sight.start[axis] + d[axis] * (double)t) + lift * n[axis];
-    s.normal[axis] = n[axis];
+    s.normal[axis] = smooth[axis];
   }
   return s;
 }

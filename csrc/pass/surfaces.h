@@ -8,7 +8,8 @@
 
 typedef struct fum_surfaces {
   int64_t count;
-  float *positions, *normals; /* [3 count] local space, a hair in front of the solid; unit, towards the camera */
+  float *positions, *normals; /* [3 count] local space, a hair in front of the solid; unit, of the smooth
+                                 surface, towards the camera */
   float *depths;              /* [count] along the camera's axis */
   int32_t *meshes;            /* [count] of the scene */
   uint32_t *pixels;           /* [count] ascending */

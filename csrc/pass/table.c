@@ -2,8 +2,8 @@
 #include "pass/table.h"
 
 static const fum_pass_info TABLE[] = {
-    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR", "Premultiplied radiance, W/(m^2 sr), and opacity",
-     FUM_PER_PICTURE},
+    {FUM_PASS_COMBINED, 4, "Combined", "RGBA", "COLOR",
+     "Premultiplied radiance, W/(m^2 sr), and opacity, of smoke and of shaded solids", FUM_PER_PICTURE},
     {FUM_PASS_DEPTH, 1, "Depth", "Z", "VALUE",
      "Depth along the camera's axis, m, at which half of the light gets through to the camera; of the solid there "
      "where "
@@ -13,18 +13,19 @@ static const fum_pass_info TABLE[] = {
      "Place in the world, m, at the depth of the pass Depth; 0 where there is neither smoke nor solid",
      FUM_PER_PICTURE},
     {FUM_PASS_EMISSION, 3, "Emit", "RGB", "COLOR",
-     "What smoke emits by itself, as it arrives at the camera, W/(m^2 sr): a part of Combined", FUM_PER_PICTURE},
+     "What smoke and shaded solids emit by themselves, as it arrives at the camera, W/(m^2 sr): a part of Combined",
+     FUM_PER_PICTURE},
     {FUM_PASS_SHADOW, 3, "Shadow", "RGB", "COLOR",
      "Of the light that reaches the solid seen in a pixel, the share that smoke lets through, 0 to 1; 1 where there is "
      "no solid or no light. Shadows of solids and the angle to the light count with smoke and without",
      FUM_PER_PICTURE},
     {FUM_PASS_LIGHT, 3, "Light", "RGB", "COLOR",
-     "What smoke scatters of one light, as it arrives at the camera, W/(m^2 sr): with those of the other lights and "
-     "Emit it adds up to Combined",
+     "What smoke and shaded solids scatter of one light, as it arrives at the camera, W/(m^2 sr): with those of the "
+     "other lights and Emit it adds up to Combined",
      FUM_PER_LIGHT},
     {FUM_PASS_LIGHT_SHADOW, 3, "Light Shadow", "RGB", "COLOR", "The pass Shadow, of one light alone", FUM_PER_LIGHT},
     {FUM_PASS_OPACITY, 1, "Opacity", "A", "VALUE",
-     "The channel A of Combined, 0 to 1, whatever is put behind the smoke", FUM_PER_PICTURE},
+     "The channel A of Combined, 0 to 1, whatever background is put behind it", FUM_PER_PICTURE},
     {FUM_PASS_DEPTH_FRONT, 1, "Depth Front", "Z", "VALUE",
      "Depth along the camera's axis, m, in front of which a twentieth of the pixel's opacity lies; of the solid, or "
      "the end of "
@@ -61,6 +62,10 @@ static const fum_pass_info TABLE[] = {
      "Cryptomatte: of two ranks the id of some particles, as the bits of a float, and the share of the pixel that they "
      "cover",
      FUM_PER_RANKS},
+    {FUM_PASS_HOLDOUT, 3, "Holdout", "RGB", "COLOR",
+     "Share of the light from behind the smoke that holdouts keep out, 0 to 1; a background shows through what neither "
+     "this nor Combined's A takes",
+     FUM_PER_PICTURE},
 };
 
 enum { PASS_COUNT = sizeof TABLE / sizeof TABLE[0] };

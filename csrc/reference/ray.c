@@ -334,6 +334,8 @@ int32_t fum_ray_integrate(fum_ray *ray, const fum_reference_world *world, const 
   if (status != FUM_OK) return status;
   double depths[3];
   find_depths(ray, way->length, depths);
+  for (int c = 0; c < 3; c++)
+    result.through[c] = exp(-depths[c]);
   result.alpha = -(expm1(-depths[0]) + expm1(-depths[1]) + expm1(-depths[2])) / 3.0;
   if (wants_half_way && mean_until(ray, way->length) > half)
     result.half_way = find_depth(ray, mean_until, half, way->length);

@@ -39,8 +39,9 @@ typedef struct fum_ray {
 
 typedef struct fum_ray_result {
   double radiance[3], alpha;
-  double half_way; /* m along the way at which half of the light gets through; INFINITY: nowhere */
-  double error;    /* estimated, of the radiance in the channel that is off most */
+  double through[3]; /* transmittance of the whole way, for red, green and blue */
+  double half_way;   /* m along the way at which half of the light gets through; INFINITY: nowhere */
+  double error;      /* estimated, of the radiance in the channel that is off most */
   bool has_converged;
 } fum_ray_result;
 

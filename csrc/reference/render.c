@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "reference/ray.h"
+#include "reference/surface.h"
 #include "scene/view.h"
 
 #include <string.h>
@@ -50,6 +50,9 @@ static int32_t check_settings(fum_context *context, const fum_reference_settings
     return fum_fail(context, FUM_ERROR_ARGUMENT, "reference settings: tolerance %g is not within 1e-10..0.1",
                     s.tolerance);
   }
+  if (s.solids < FUM_SOLIDS_HOLDOUT || s.solids > FUM_SOLIDS_SHADED) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "reference settings: solids %d is not within 0..1", (int)s.solids);
+  }
   *out_settings = s;
   return FUM_OK;
 }
@@ -90,41 +93,61 @@ static int32_t prepare(render *r) {
   return status;
 }
 
-/* The ray of a pixel's centre, as far as the nearest solid. Gives the depth of its end along the camera's axis, and
- * metres along the ray for each metre of depth. */
-static double find_way(const render *r, int64_t pixel, fum_way *out_way, double *out_speed) {
+/* The ray of a pixel's centre, as far as the nearest solid. */
+typedef struct pixel_ray {
+  fum_way way;
+  double speed, end; /* metres along the ray for each metre of depth along the camera's axis; depth of its end */
+  bool meets_solid;
+  fum_solid_point point; /* on the solid that it meets */
+} pixel_ray;
+
+static pixel_ray find_ray(const render *r, int64_t pixel) {
   const fum_view *view = &r->view;
+  pixel_ray ray = {.end = view->clip_end};
   double direction[3];
   const double x = (double)(pixel % view->width) + 0.5, y = (double)(pixel / view->width) + 0.5;
-  fum_view_ray(view, x, y, out_way->start, direction);
-  const double speed = sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+  fum_view_ray(view, x, y, ray.way.start, direction);
+  ray.speed = sqrt(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
   for (int axis = 0; axis < 3; axis++)
-    out_way->direction[axis] = direction[axis] / speed;
-  double end = view->clip_end;
+    ray.way.direction[axis] = direction[axis] / ray.speed;
   if (fum_solids_hide_from_camera(r->solids)) {
-    const double *s = out_way->start;
+    const double *s = ray.way.start;
     const fum_vec3 from = {(float)s[0], (float)s[1], (float)s[2]};
     const fum_vec3 along = {(float)direction[0], (float)direction[1], (float)direction[2]};
-    fum_solid_point point;
-    const float hit = fum_solids_see(r->solids, from, along, (float)view->clip_start, (float)view->clip_end, &point);
-    if (hit < (float)view->clip_end) end = (double)hit;
+    const float far = (float)view->clip_end;
+    const float hit = fum_solids_see(r->solids, from, along, (float)view->clip_start, far, &ray.point);
+    ray.meets_solid = hit < far;
+    if (ray.meets_solid) ray.end = (double)hit;
   }
-  out_way->length = end * speed;
-  *out_speed = speed;
-  return end;
+  ray.way.length = ray.end * ray.speed;
+  return ray;
+}
+
+/* Puts the solid at the ray's end behind the smoke. */
+static void add_solid(const render *r, const fum_reference_world *world, const pixel_ray *ray, const double through[3],
+                      double rgba[4]) {
+  if (!ray->meets_solid || r->settings.solids != FUM_SOLIDS_SHADED || r->scene->meshes[ray->point.mesh].is_holdout)
+    return;
+  double position[3], radiance[3];
+  for (int axis = 0; axis < 3; axis++)
+    position[axis] = ray->way.start[axis] + ray->way.length * ray->way.direction[axis];
+  fum_reference_surface_shine(world, &ray->point, position, ray->way.length, radiance);
+  for (int c = 0; c < 3; c++)
+    rgba[c] += through[c] * radiance[c];
+  rgba[3] = 1.0;
 }
 
 static int32_t render_pixel(render *r, const fum_reference_world *world, fum_ray *ray, int64_t pixel,
                             bool *out_converged) {
-  fum_way way;
-  double speed;
   fum_ray_result result;
-  const double end = find_way(r, pixel, &way, &speed);
-  const int32_t status = fum_ray_integrate(ray, world, &way, r->view.clip_start * speed, r->wants_depth, &result);
+  const pixel_ray seen = find_ray(r, pixel);
+  const double start = r->view.clip_start * seen.speed;
+  const int32_t status = fum_ray_integrate(ray, world, &seen.way, start, r->wants_depth, &result);
   if (status != FUM_OK) return status;
   memcpy(r->pixels + 4 * pixel, result.radiance, sizeof result.radiance);
   r->pixels[4 * pixel + 3] = result.alpha;
-  r->depths[pixel] = fmin(result.half_way / speed, end);
+  add_solid(r, world, &seen, result.through, r->pixels + 4 * pixel);
+  r->depths[pixel] = fmin(result.half_way / seen.speed, seen.end);
   r->errors[pixel] = result.error;
   *out_converged = result.has_converged;
   return FUM_OK;

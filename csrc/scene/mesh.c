@@ -8,7 +8,9 @@
 static const double IDENTITY[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
 
 void fum_mesh_desc_init(fum_mesh_desc *desc) {
-  *desc = (fum_mesh_desc){.struct_size = sizeof *desc, .visibility = FUM_VISIBLE_TO_SHADOW | FUM_VISIBLE_TO_CAMERA};
+  *desc = (fum_mesh_desc){.struct_size = sizeof *desc,
+                          .visibility = FUM_VISIBLE_TO_SHADOW | FUM_VISIBLE_TO_CAMERA,
+                          .albedo = {0.8F, 0.8F, 0.8F}};
   memcpy(desc->world_from_local, IDENTITY, sizeof IDENTITY);
 }
 
@@ -16,6 +18,12 @@ static int32_t check_arrays(fum_context *context, const fum_mesh_desc *d, const 
   for (int64_t i = 0; i < 3 * d->vertex_count; i++) {
     if (!isfinite(d->vertices[i])) {
       return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: vertex %lld is not finite", name, (long long)(i / 3));
+    }
+  }
+  for (int64_t i = 0; i < 9 * d->triangle_count && d->normals != NULL; i++) {
+    if (!isfinite(d->normals[i])) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: normal of triangle %lld is not finite", name,
+                      (long long)(i / 9));
     }
   }
   for (int64_t i = 0; i < 3 * d->triangle_count; i++) {
@@ -36,6 +44,15 @@ static int32_t check_desc(fum_context *context, const fum_mesh_desc *d, const ch
   if ((d->vertex_count > 0 && d->vertices == NULL) || (d->triangle_count > 0 && d->triangles == NULL)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: vertices or triangles are missing", name);
   }
+  for (int c = 0; c < 3; c++) {
+    if (!(d->albedo[c] >= 0.0F && d->albedo[c] <= 1.0F)) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: albedo %g is not within 0..1", name, (double)d->albedo[c]);
+    }
+    if (!(d->emission[c] >= 0.0F && isfinite(d->emission[c]))) {
+      return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: emission %g is not finite and at least 0", name,
+                      (double)d->emission[c]);
+    }
+  }
   if (!fum_all_finite(d->world_from_local, 16)) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix is not finite", name);
   }
@@ -47,6 +64,7 @@ static void free_mesh(fum_context *context, fum_mesh *mesh) {
   free(mesh->name);
   fum_free(context, &mesh->vertices);
   fum_free(context, &mesh->triangles);
+  fum_free(context, &mesh->normals);
 }
 
 void fum_scene_free_meshes(fum_scene *scene) {
@@ -62,6 +80,11 @@ static int32_t copy_mesh(fum_context *context, const fum_mesh_desc *d, const cha
   if (status != FUM_OK) return status;
   status = fum_alloc(context, d->triangle_count, 3 * sizeof *mesh->triangles, name, &mesh->triangles);
   if (status != FUM_OK) return status;
+  if (d->normals != NULL) {
+    status = fum_alloc(context, d->triangle_count, 9 * sizeof *mesh->normals, name, &mesh->normals);
+    if (status != FUM_OK) return status;
+    if (d->triangle_count > 0) memcpy(mesh->normals, d->normals, (size_t)d->triangle_count * 9 * sizeof *mesh->normals);
+  }
   if (d->vertex_count > 0) memcpy(mesh->vertices, d->vertices, (size_t)d->vertex_count * 3 * sizeof *mesh->vertices);
   if (d->triangle_count > 0)
     memcpy(mesh->triangles, d->triangles, (size_t)d->triangle_count * 3 * sizeof *mesh->triangles);
@@ -78,8 +101,11 @@ int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc) {
                    .vertex_count = desc->vertex_count,
                    .triangle_count = desc->triangle_count,
                    .light_set = desc->light_set,
-                   .shadow_set = desc->shadow_set};
+                   .shadow_set = desc->shadow_set,
+                   .is_holdout = desc->is_holdout != 0};
   memcpy(mesh.world_from_local, desc->world_from_local, sizeof mesh.world_from_local);
+  memcpy(mesh.albedo, desc->albedo, sizeof mesh.albedo);
+  memcpy(mesh.emission, desc->emission, sizeof mesh.emission);
   int32_t status = check_desc(context, desc, name);
   if (status == FUM_OK) status = copy_mesh(context, desc, name, &mesh);
   if (status != FUM_OK) goto done;

@@ -29,8 +29,11 @@ typedef struct fum_mesh {
   int64_t vertex_count, triangle_count;
   float *vertices;     /* [3 vertex_count] local space */
   uint32_t *triangles; /* [3 triangle_count] */
+  float *normals;      /* [9 triangle_count] of their corners, or NULL: flat */
   double world_from_local[16];
   int32_t light_set, shadow_set;
+  float albedo[3], emission[3];
+  bool is_holdout; /* also where solids are shaded */
 } fum_mesh;
 
 typedef struct fum_light {

@@ -9,9 +9,10 @@
 
 struct fum_solids {
   RTCDevice device;
-  RTCScene shadow;      /* NULL: no mesh casts shadows */
-  uint64_t shadow_sets; /* of its meshes */
-  RTCScene camera;      /* NULL: the camera sees no mesh */
+  RTCScene shadow;        /* NULL: no mesh casts shadows */
+  uint64_t shadow_sets;   /* of its meshes */
+  RTCScene camera;        /* NULL: the camera sees no mesh */
+  const fum_mesh *meshes; /* the scene's; they stay in place as long as the hierarchies */
 };
 
 /* Embree calls this on whatever thread fails; the first message is kept. */
@@ -117,6 +118,7 @@ int32_t fum_solids_build(const fum_scene *scene, fum_solids **out_solids) {
   int32_t status = FUM_OK;
   fum_solids *solids = calloc(1, sizeof *solids);
   if (solids == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "no memory for meshes");
+  solids->meshes = scene->meshes;
   snprintf(options, sizeof options, "threads=%d", (int)fum_thread_count(context));
   solids->device = rtcNewDevice(options);
   if (solids->device == NULL) {
@@ -194,6 +196,24 @@ bool fum_solids_hide_from_camera(const fum_solids *solids) {
   return solids != NULL && solids->camera != NULL;
 }
 
+/* Normals go by the inverse of the transposed matrix, which is that of its cofactors but for the length. */
+static fum_vec3 find_smooth(const fum_mesh *mesh, const struct RTCHit *hit, fum_vec3 flat) {
+  if (mesh->normals == NULL) return flat;
+  const float *n = mesh->normals + 9 * (int64_t)hit->primID, weights[3] = {1.0F - hit->u - hit->v, hit->u, hit->v};
+  const double *m = mesh->world_from_local;
+  double local[3], world[3];
+  for (int axis = 0; axis < 3; axis++)
+    local[axis] = (double)(weights[0] * n[axis] + weights[1] * n[3 + axis] + weights[2] * n[6 + axis]);
+  for (int row = 0; row < 3; row++) {
+    const double *a = m + 4 * ((row + 1) % 3), *b = m + 4 * ((row + 2) % 3);
+    world[row] = local[0] * (a[1] * b[2] - a[2] * b[1]) + local[1] * (a[2] * b[0] - a[0] * b[2]) +
+                 local[2] * (a[0] * b[1] - a[1] * b[0]);
+  }
+  const fum_vec3 smooth = {(float)world[0], (float)world[1], (float)world[2]};
+  const float length = fum_length(smooth), side = fum_dot(smooth, flat) < 0.0F ? -1.0F : 1.0F;
+  return length > 0.0F ? fum_scaled(smooth, side / length) : flat;
+}
+
 float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 direction, float near, float far,
                      fum_solid_point *out_point) {
   if (!fum_solids_hide_from_camera(solids)) return far;
@@ -205,5 +225,7 @@ float fum_solids_see(const fum_solids *solids, fum_vec3 origin, fum_vec3 directi
   const float length = fum_length(normal), side = fum_dot(normal, direction) > 0.0F ? -1.0F : 1.0F;
   out_point->mesh = (int32_t)hit.hit.geomID;
   out_point->normal = fum_scaled(normal, length > 0.0F ? side / length : 0.0F);
+  if (hit.hit.geomID != RTC_INVALID_GEOMETRY_ID)
+    out_point->smooth = find_smooth(&solids->meshes[hit.hit.geomID], &hit.hit, out_point->normal);
   return hit.ray.tfar;
 }

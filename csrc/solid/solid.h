@@ -29,6 +29,7 @@ bool fum_solids_hide_from_camera(const fum_solids *solids);
 typedef struct fum_solid_point {
   int32_t mesh;    /* of the scene */
   fum_vec3 normal; /* unit, of the triangle there, on the side that the ray comes from */
+  fum_vec3 smooth; /* unit, of the smooth surface that the triangle stands for, on the same side; else the same */
 } fum_solid_point;
 
 /* Parameter t of the first point origin + t direction on a mesh that the camera sees, within near..far; far if none:

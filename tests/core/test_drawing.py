@@ -79,6 +79,7 @@ def fog_around_a_cloud() -> dict:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
+HALF_A_WALL = ([[-5, -5, 0.3], [0.13, -5, 0.1], [0.41, 5, 0.2], [-5, 5, 0.0]], [[0, 1, 2], [0, 2, 3]])
 SLANTED_WALL = ([[-5, -5, 0.1], [5, -5, -0.5], [5, 5, 0.6], [-5, 5, 0.0]], [[0, 1, 2], [0, 2, 3]])
 
 # Particles, and the camera and wall that they are seen with.
@@ -90,6 +91,7 @@ SCENES = {
     "few, of depth 20": (cloud(6, 0.8, 20.0), {}),
     "particle cut by a wall": (smoke(np.zeros((1, 3)), 1.0, 2.0), {"wall": SLANTED_WALL}),
     "ball cut by a wall": (cloud(300, 0.4, 1.0), {"wall": SLANTED_WALL}),
+    "ball behind half a wall": (cloud(300, 0.4, 1.0), {"wall": HALF_A_WALL}),
     "camera inside": (cloud(300, 0.5, 0.02), {"matrix": in_front(0.0), "lens": 20, "clip": (0.01, 100)}),
     "orthographic": (cloud(500, 0.4, 0.5), {"type": "ORTHOGRAPHIC", "ortho_scale": 3.0}),
     "wide lens": (cloud(500, 0.3, 1.0), {"lens": 15}),

@@ -32,6 +32,8 @@ FUM_SOLVER_SWEEP = 2
 FUM_DEVICE_AUTO = 0
 FUM_DEVICE_GL = 1
 FUM_DEVICE_TILES = 2
+FUM_SOLIDS_HOLDOUT = 0
+FUM_SOLIDS_SHADED = 1
 FUM_PASS_COMBINED = 0
 FUM_PASS_DEPTH = 1
 FUM_PASS_POSITION = 2
@@ -48,6 +50,7 @@ FUM_PASS_SOLID_SHADOW = 12
 FUM_PASS_LIGHT_SOLID_SHADOW = 13
 FUM_PASS_ERROR = 14
 FUM_PASS_CRYPTO_OBJECT = 15
+FUM_PASS_HOLDOUT = 16
 FUM_LINK_SETS = 64
 FUM_PER_PICTURE = 0
 FUM_PER_LIGHT = 1
@@ -115,6 +118,10 @@ class fum_mesh_desc(ctypes.Structure):
         ("world_from_local", ctypes.c_double * 16),
         ("light_set", ctypes.c_int32),
         ("shadow_set", ctypes.c_int32),
+        ("albedo", ctypes.c_float * 3),
+        ("emission", ctypes.c_float * 3),
+        ("is_holdout", ctypes.c_int32),
+        ("normals", ctypes.POINTER(ctypes.c_float)),
     ]
 
 
@@ -151,6 +158,7 @@ class fum_settings(ctypes.Structure):
         ("solid_shadow_intensity", ctypes.c_float),
         ("subsampling", ctypes.c_float),
         ("intersection_scale", ctypes.c_float),
+        ("solids", ctypes.c_int32),
     ]
 
 
@@ -239,6 +247,7 @@ class fum_reference_settings(ctypes.Structure):
         ("struct_size", ctypes.c_uint32),
         ("light_samples", ctypes.c_int32),
         ("tolerance", ctypes.c_double),
+        ("solids", ctypes.c_int32),
     ]
 
 

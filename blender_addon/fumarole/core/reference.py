@@ -15,6 +15,7 @@ from ._library import library
 from .camera import Camera
 from .errors import argument_error
 from .scene import Scene
+from .settings import SOLIDS
 
 PASSES = ("Combined", "Depth")
 
@@ -48,6 +49,7 @@ def render_reference(
     tolerance: float | None = None,
     light_samples: int | None = None,
     passes: Sequence[str] = ("Combined",),
+    solids: str = "HOLDOUT",
 ) -> ReferenceResult:
     """What render() aims at: single scattering through untruncated Gaussians, every step of every pixel's ray lit exactly.
 
@@ -55,6 +57,7 @@ def render_reference(
     tolerance: error allowed in a pixel's RGB, as a share of its brightest channel, 1e-10..0.1; default 1e-4.
     light_samples: sample points of every light that has a size, 1..65536, rounded up to a square; default 256.
     passes: "Combined", and "Depth" where wanted, as those of render().
+    solids: "HOLDOUT" or "SHADED", as in Settings.
     Raises FumaroleError, Cancelled, and whatever the progress callback raised.
     """
     for name in passes:
@@ -67,6 +70,9 @@ def render_reference(
         settings.tolerance = _arrays.number(tolerance, "tolerance")
     if light_samples is not None:
         settings.light_samples = _arrays.whole(light_samples, "light_samples")
+    if solids not in SOLIDS:
+        raise argument_error(f"solids is {solids!r}, expected one of {', '.join(SOLIDS)}")
+    settings.solids = SOLIDS[solids]
     view = camera.struct()
     if not (0 < camera.width <= 65536 and 0 < camera.height <= 65536):
         raise argument_error(f"camera: the picture is {camera.width} x {camera.height} pixels, expected 1..65536")

@@ -134,6 +134,10 @@ class Scene:
         visible_to_camera: bool = True,
         light_set: int = 0,
         shadow_set: int = 0,
+        albedo: ArrayLike = 0.8,
+        emission: ArrayLike = 0.0,
+        holdout: bool = False,
+        normals: ArrayLike | None = None,
     ) -> None:
         """Adds triangles that cast shadows on the smoke and hide it.
 
@@ -141,6 +145,10 @@ class Scene:
         matrix: (4, 4) world from local, acting on columns; default identity.
         visible_to_shadow: casts shadows on smoke. visible_to_camera: hides the smoke behind it.
         light_set, shadow_set: 0..63, as of add_particles(); the first where light on solids is asked for, as by the pass Shadow.
+        albedo, emission: a number or an RGB triple: share of the light that it reflects where solids are shaded, 0..1,
+            and radiance that it shows there, W/(m^2 sr), at least 0, which lights nothing else.
+        holdout: transparent also where solids are shaded.
+        normals: (m, 3, 3) of the triangles' corners, local space: light between them is that of a smooth surface.
         name: for errors. Raises FumaroleError.
         """
         corners = _arrays.rows(vertices, 3, f"vertices of {name!r}")
@@ -157,6 +165,14 @@ class Scene:
         description.world_from_local[:] = _arrays.matrix(matrix, f"matrix of {name!r}").ravel()
         description.visibility = _abi.FUM_VISIBLE_TO_SHADOW * bool(visible_to_shadow)
         description.visibility |= _abi.FUM_VISIBLE_TO_CAMERA * bool(visible_to_camera)
+        if normals is not None:
+            given = _arrays.floats(normals, f"normals of {name!r}")
+            if given.shape != (len(faces), 3, 3):
+                raise argument_error(f"normals of {name!r} has shape {given.shape}, expected ({len(faces)}, 3, 3)")
+            _arrays.point(description, "normals", given)
+        description.albedo[:] = _arrays.triple(albedo, f"albedo of {name!r}")
+        description.emission[:] = _arrays.triple(emission, f"emission of {name!r}")
+        description.is_holdout = bool(holdout)
         self.context.call("fum_scene_add_mesh", self.handle, ctypes.byref(description))
 
     def add_light(

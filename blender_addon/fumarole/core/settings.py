@@ -14,6 +14,7 @@ from .errors import argument_error
 
 SOLVERS = _abi.choices("FUM_SOLVER_")
 DEVICES = _abi.choices("FUM_DEVICE_")
+SOLIDS = _abi.choices("FUM_SOLIDS_")
 
 
 @functools.cache
@@ -36,6 +37,7 @@ class Settings:
     leaf_size: an octree cell is subdivided above this many particles, 1..4096.
     light_samples: most sample points of a soft light, 1..1024.
     tolerance: relative error that lighting and drawing may cause, 1e-4..0.5; transmittance keeps a tenth of it.
+    solids: "HOLDOUT": they hide smoke and are transparent; "SHADED": Lambertian, lit by the lights.
 
     Artistic ones, which leave physics at any other than their default:
     shadowing_density: factor on optical depth towards lights, at least 0; default 1.
@@ -49,6 +51,7 @@ class Settings:
     leaf_size: int = _default("leaf_size")
     light_samples: int = _default("light_samples")
     tolerance: float = _default("tolerance")
+    solids: str = "HOLDOUT"
     shadowing_density: float = _default("shadowing_density")
     solid_shadow_intensity: float = _default("solid_shadow_intensity")
     subsampling: float = _default("subsampling")
@@ -58,7 +61,7 @@ class Settings:
         """The C description. Raises FumaroleError for a value that is no number or no known name."""
         settings = _abi.fum_settings()
         library().fum_settings_init(ctypes.byref(settings))
-        names = {"solver": SOLVERS, "device": DEVICES}
+        names = {"solver": SOLVERS, "device": DEVICES, "solids": SOLIDS}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
             if field.name in names:

@@ -76,6 +76,10 @@ class NodeReader:
             values = evaluate(self, source, output, groups)
         if values is not None:
             return values
+        return self.stand_in(source, node, socket)
+
+    def stand_in(self, source: bpy.types.Node, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> np.ndarray:
+        """What is used for an input of `node` whose link from `source` can't be read."""
         value = _constant(socket)
         shown = ", ".join(f"{v:.4g}" for v in value.ravel())
         self.warn(

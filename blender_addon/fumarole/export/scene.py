@@ -25,8 +25,14 @@ class Scene:
     particles: list[Particles] = field(default_factory=list)
     meshes: list[Mesh] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    solids_are_shaded: bool = False
     background: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) radiance
     warnings: list[str] = field(default_factory=list)
+
+    @property
+    def has_holdouts(self) -> bool:
+        """Whether the camera may see a solid that is transparent."""
+        return any(item.visible_to_camera and (item.is_holdout or not self.solids_are_shaded) for item in self.meshes)
 
     def warn(self, text: str) -> None:
         """Notes a warning, once."""
@@ -37,7 +43,8 @@ class Scene:
 def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
     """All smoke, solids and lights of an evaluated depsgraph's view layer."""
     scene = Scene()
-    reader, linker = MeshReader(scene.warn), Linker()
+    scene.solids_are_shaded = depsgraph.scene.fumarole.solids == "SHADED"
+    reader, linker = MeshReader(scene.warn, scene.solids_are_shaded), Linker()
     for instance in depsgraph.object_instances:
         _export_instance(instance, depsgraph, scene, reader, linker)
     linker.finish()
@@ -98,6 +105,10 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
             item.visible_to_camera,
             light_set=item.light_set,
             shadow_set=item.shadow_set,
+            albedo=item.surface.albedo,
+            emission=item.surface.emission,
+            holdout=item.is_holdout,
+            normals=item.normals,
         )
     return result
 
@@ -134,7 +145,7 @@ def fingerprint(scene: Scene) -> bytes:
         _hash(result, item.light_set, item.shadow_set, item.visible_to_camera)
     for item in scene.meshes:
         _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera, item.light_set, item.shadow_set)
-        _hash(result, item.vertices, item.triangles, item.matrix)
+        _hash(result, item.vertices, item.triangles, item.matrix, item.normals, item.surface, item.is_holdout)
     return result.digest()
 
 
@@ -205,10 +216,9 @@ def _export_object(
         if _is_gas_domain(owner):
             scene.warn(f"Object '{owner.name_full}': smoke of a fluid domain isn't drawn yet")
             return
-        mesh = reader.export(owner, matrix, parent.indirect_only_get(view_layer=layer))
-        if mesh is not None:
-            linker.add_matter([mesh], original, parent)
-            scene.meshes.append(mesh)
+        meshes = reader.export(owner, parent, matrix, layer)
+        linker.add_matter(meshes, original, parent)
+        scene.meshes += meshes
     elif owner.type == "LIGHT":
         light = export_light(owner, matrix, scene.warn)
         if light is not None:

@@ -98,6 +98,37 @@ def material(
     return result
 
 
+def paint(owner: bpy.types.Object, kind: str = "ShaderNodeBsdfDiffuse", **inputs: object) -> bpy.types.Material:
+    """Gives an object a material whose surface is one node with those inputs (`_` for a space)."""
+    result = material(f"Paint of {owner.name}", None)
+    tree = result.node_tree
+    node = tree.nodes.new(kind)
+    for name, value in inputs.items():
+        node.inputs[name.replace("_", " ")].default_value = value
+    output = next(item for item in tree.nodes if item.bl_idname == "ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs[0], output.inputs["Surface"])
+    owner.data.materials.append(result)
+    return result
+
+
+def cube(name: str, half: float, location: tuple, rotation: tuple = (0, 0, 0)) -> bpy.types.Object:
+    corners = [(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)]
+    mesh = bpy.data.meshes.new(name)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    mesh.from_pydata(corners, [], faces)
+    return link(name, mesh, location, rotation)
+
+
+def put_in(owner: bpy.types.Object, name: str, **flags: bool) -> None:
+    """Moves an object to a new collection whose layer has those flags."""
+    collection = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(collection)
+    bpy.context.scene.collection.objects.unlink(owner)
+    collection.objects.link(owner)
+    for flag, value in flags.items():
+        setattr(bpy.context.view_layer.layer_collection.children[name], flag, value)
+
+
 def points_by_nodes(
     name: str, positions: list[tuple], radius: float = 0.3, attributes: dict[str, tuple] | None = None
 ) -> bpy.types.Object:

@@ -142,7 +142,7 @@ def test_every_pass_of_the_library_is_reachable() -> None:
     layer.use_pass_cryptomatte_object = True
     several = {item.item.name for item in passes.enabled(layer)} - {"Combined"}
     assert several == {name for name, item in core.PASSES.items() if item.per != "PICTURE"}
-    assert set(core.PASSES) == {"Combined", *passes.SWITCHES, *passes.OWN_SWITCHES, *several}
+    assert set(core.PASSES) == {"Combined", "Holdout", *passes.SWITCHES, *passes.OWN_SWITCHES, *several}
     for name, switch in passes.OWN_SWITCHES.items():
         setattr(layer.fumarole, switch, False)
         assert name not in [item.name for item in passes.enabled(layer)]

@@ -147,6 +147,20 @@ def test_changed_matter_is_built_again(
     assert not np.array_equal(before, after)
 
 
+def test_a_new_colour_of_a_solid_is_seen(smoke: bpy.types.Object, tmp_path: Path) -> None:
+    bpy.context.scene.fumarole.solids = "SHADED"
+    paint = scenes.material("Paint", None, surface=True)
+    blocker = bpy.data.objects["Blocker"]
+    blocker.data.materials.append(paint)
+    blocker.rotation_euler.x = 1.2  # to face the camera and the light
+    before, _ = render(tmp_path)
+    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1)
+    after, _ = render(tmp_path)
+    fresh, _ = render(tmp_path, is_persistent=False)
+    assert np.array_equal(after, fresh)
+    assert not np.array_equal(before, after)
+
+
 def test_animated_camera(smoke: bpy.types.Object, tmp_path: Path) -> None:
     camera = bpy.context.scene.camera
     for frame, x in ((1, 0.0), (2, 0.5)):
