@@ -95,7 +95,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
         self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
     ) -> None:
         """Tells the compositor which passes there will be."""
-        for layer_pass in enabled(renderlayer):
+        for layer_pass in enabled(renderlayer, scene.world):
             item = layer_pass.item
             self.register_pass(scene, renderlayer, layer_pass.name, len(item.channels), item.channels, item.kind)
 
@@ -107,7 +107,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
         size = _size(depsgraph.scene.render)
         try:
             self.active_view_set(view)
-            passes = enabled(layer)
+            passes = enabled(layer, depsgraph.scene.world)
             camera = self._camera(depsgraph, scene)
             if any(item.name == "Vector" for item in passes):
                 camera = camera.moving(*self._cameras_beside(depsgraph, scene))
@@ -124,7 +124,8 @@ class FumaroleEngine(bpy.types.RenderEngine):
             _last_stats = result.stats
             pixels = {item.name: item.pixels(result, scene.lights) for item in passes}
             if is_opaque:
-                _put_over(pixels["Combined"], scene.background, result["Holdout"] if has_holdouts else None)
+                behind = scene.world.seen_by(camera) if scene.world else np.zeros(3)
+                _put_over(pixels["Combined"], behind, result["Holdout"] if has_holdouts else None)
             if deep_path is not None:
                 with result.deep as samples:
                     deep.write(samples, deep_path, depsgraph.scene.render)
@@ -263,7 +264,7 @@ def _size(render: bpy.types.RenderSettings) -> tuple[int, int]:
 
 
 def _put_over(combined: np.ndarray, background: np.ndarray, holdout: np.ndarray | None) -> None:
-    """Puts premultiplied pixels (height, width, 4) over an opaque colour (3,), in place.
+    """Puts premultiplied pixels (height, width, 4) over opaque colours, (3,) or (height, width, 3), in place.
 
     `holdout` (height, width, 3): share of it that holdouts keep out, and leave transparent, as Cycles does.
     """

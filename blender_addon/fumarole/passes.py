@@ -13,6 +13,7 @@ import numpy as np
 from . import core
 from .export.lights import Light
 from .export.scene import Scene
+from .export.world import World
 
 # The view layer's switch of each pass that is optional. Names, channels and kinds are in the library's pass table.
 SWITCHES = {
@@ -51,10 +52,10 @@ class LayerPass:
 
     name: str
     item: core.Pass
-    is_part: Callable[[Light], bool] | None = None
+    is_part: Callable[[Light | World], bool] | None = None
     number: int | None = None
 
-    def wanted(self, lights: list[Light]) -> list[core.Wanted]:
+    def wanted(self, lights: list[Light | World]) -> list[core.Wanted]:
         """What to ask the library for."""
         if self.number is not None:
             return [(self.item.name, self.number)]
@@ -62,7 +63,7 @@ class LayerPass:
             return [self.item.name]
         return [(self.item.name, index) for index, light in enumerate(lights) if self.is_part(light)]
 
-    def pixels(self, result: core.Result, lights: list[Light]) -> np.ndarray:
+    def pixels(self, result: core.Result, lights: list[Light | World]) -> np.ndarray:
         """The pass: of several lights their sum, and of their shadows the first."""
         parts = [result[name] for name in self.wanted(lights)]
         if not parts:
@@ -74,20 +75,22 @@ class LayerPass:
         return self.item.name in ("Light Shadow", "Light Solid Shadow")
 
 
-def enabled(view_layer: bpy.types.ViewLayer) -> list[LayerPass]:
-    """The passes to render: Combined, which every view layer has, and those that are switched on. Light groups have
-    theirs by Cycles' names."""
+def enabled(view_layer: bpy.types.ViewLayer, world: bpy.types.World | None = None) -> list[LayerPass]:
+    """The passes to render: Combined, which every view layer has, and those that are switched on, also of the scene's
+    world. Light groups have theirs by Cycles' names."""
     switched_on = [name for name, switch in SWITCHES.items() if getattr(view_layer, switch)]
     switched_on += [name for name, switch in OWN_SWITCHES.items() if getattr(view_layer.fumarole, switch)]
     found = [LayerPass(name, core.PASSES[name]) for name in ("Combined", *switched_on)]
     names = [owner.name for owner in view_layer.objects if owner.type == "LIGHT" and not owner.hide_render]
+    if world is not None and view_layer.use_sky and World.owner not in names:
+        names.append(World.owner)
     for core_name, (switch, called) in LIGHT_SWITCHES.items():
         if getattr(view_layer.fumarole, switch):
             found += [_of_light(core_name, f"{called} {name}", name) for name in names]
     return found + [_of_group(group.name) for group in view_layer.lightgroups] + _cryptomatte(view_layer)
 
 
-def warnings(wanted: list[LayerPass], lights: list[Light]) -> list[str]:
+def warnings(wanted: list[LayerPass], lights: list[Light | World]) -> list[str]:
     """What the passes don't show."""
     return [
         f"Pass '{item.name}': the light is there {len(item.wanted(lights))} times; the pass is of the first one"

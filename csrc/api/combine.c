@@ -16,8 +16,8 @@ fum_meter_options fum_find_meter_options(const fum_rendering *r, const fum_light
   return (fum_meter_options){.scene = r->scene,
                              .octree = r->scene->caches->all,
                              .media = lighting->media,
-                             .lamp_count = r->scene->light_count,
-                             .lamps = lighting->lamps,
+                             .lamps = &lighting->lamps,
+                             .viewpoint = fum_find_viewpoint(&r->view),
                              .error = 0.01 * (double)fum_transmittance_error(&r->settings)};
 }
 
@@ -32,6 +32,5 @@ void fum_note_accuracy(const fum_accuracy *accuracy, fum_render_stats *stats) {
 void fum_note_lighting(const fum_lighting *lighting, fum_rendering *r) {
   const bool is_swept = lighting->solver.sweep_count > 0 && lighting->solver.exact_count == 0;
   r->stats.solver = is_swept ? FUM_SOLVER_SWEEP : FUM_SOLVER_EXACT;
-  for (int32_t i = 0; i < r->scene->light_count; i++)
-    r->stats.light_sample_count += lighting->lamps[i].sample_count;
+  r->stats.light_sample_count = fum_lamps_sample_count(&lighting->lamps);
 }

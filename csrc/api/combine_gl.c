@@ -24,7 +24,7 @@ static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *light
   lighting->gathering.listen = fum_meter_listen;
   lighting->gathering.listen_user = &meter;
   memset(light, 0, 3 * (size_t)r->scene->caches->all->count * sizeof *light);
-  status = fum_inscatter(r->scene, &lighting->gathering, lighting->lamps, &viewpoint, light);
+  status = fum_inscatter(r->scene, &lighting->gathering, &lighting->lamps, &viewpoint, light);
   if (status == FUM_OK) status = fum_meter_read(&meter, &accuracy);
   if (status == FUM_OK) {
     fum_note_accuracy(&accuracy, &r->stats);

@@ -38,8 +38,7 @@ static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
 }
 
 static int32_t light_lattice(const plan *p, smoke_light *light) {
-  return fum_lattice_light(&p->lighting->gathering, &p->r->view, &light->slabs, p->r->scene->light_count,
-                           p->lighting->lamps, &light->lattice);
+  return fum_lattice_light(&p->lighting->gathering, &p->r->view, &light->slabs, &p->lighting->lamps, &light->lattice);
 }
 
 /* How much of the tolerance the light takes: above 1 it is missed. The meter's points are what the camera sees, and a
@@ -75,7 +74,7 @@ static int32_t light_centres(const plan *p, smoke_light *light, double *out_shar
   if (status == FUM_OK) status = fum_alloc(r->context, all->count, 3 * sizeof(float), "lighting", &light->centres);
   g.listen = fum_meter_listen;
   g.listen_user = meter;
-  if (status == FUM_OK) status = fum_inscatter(r->scene, &g, p->lighting->lamps, &viewpoint, light->centres);
+  if (status == FUM_OK) status = fum_inscatter(r->scene, &g, &p->lighting->lamps, &viewpoint, light->centres);
   if (status == FUM_OK) status = read_meter(r, meter, out_share);
   if (status != FUM_OK || *out_share <= 1.0) return status;
   fum_free(r->context, &light->centres);
@@ -95,7 +94,7 @@ static bool prefers_centres(const plan *p, const smoke_light *light) {
   const fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
   return !asks_lattice(r) && all->count < light->lattice.lit_count &&
-         fum_centres_suffice(r->scene, all, &r->view, &light->slabs, p->lighting->lamps, r->scene->caches->solids,
+         fum_centres_suffice(r->scene, all, &r->view, &light->slabs, &p->lighting->lamps, r->scene->caches->solids,
                              r->settings.tolerance);
 }
 
@@ -204,6 +203,7 @@ static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = fum_footprint_sigmas(r->settings.tolerance);
+  const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
   fum_tile_class classes[FUM_MAX_CLASSES];
   fum_lighting lighting = {0};
   fum_meter meter = {0};
@@ -232,10 +232,11 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_solid_shadow_begin(r);
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
+  lighting.gathering.viewpoint = &viewpoint;
   const plan p = {r, &lighting, footprint, job.thinnest};
   if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
   if (status != FUM_OK || light.slabs.count == 0) goto done;
-  job.lamps = lighting.lamps;
+  job.lamps = &lighting.lamps;
   use_centres(&light, &job);
   r->stats.light_points = light.centres != NULL ? all->count : light.lattice.lit_count;
   r->stats.slab_count = light.slabs.count;

@@ -64,13 +64,19 @@ static double held_depth(const fum_rendering *r, const fum_slabs *slabs, const f
   return fum_lattice_depth(lattice, slabs, lamp, light, window, speed * (double)axis_depth, place);
 }
 
-/* What all samples of a light send to a point, whatever the colour. */
-static double sent_to(const fum_lamp *lamp, fum_vec3 position) {
-  const float *color = lamp->desc.intensity;
+/* What all samples of a lamp send to a point, whatever the colour; of an environment by what smoke makes of it. */
+static double sent_to(const fum_lamp *lamp, const fum_viewpoint *viewpoint, fum_vec3 position) {
+  const fum_vec3 to_viewer = fum_direction_to_viewer(viewpoint, position);
+  const float *color = lamp->color;
   double sent = 0.0;
   for (int32_t k = 0; k < lamp->sample_count; k++) {
     const fum_emitter sample = fum_lamp_sample(lamp, k);
-    sent += (double)fum_emitter_irradiance(lamp, &sample, position);
+    if (lamp->environment != NULL) {
+      const fum_sky *part = &lamp->environment->parts[k];
+      sent += 4.0 * FUM_PI * (double)fum_sky_scatter_wide(part, lamp->channel, lamp->anisotropy, to_viewer);
+    } else {
+      sent += (double)fum_emitter_irradiance(lamp, &sample, position);
+    }
   }
   return sent * (double)(color[0] + color[1] + color[2]);
 }
@@ -79,6 +85,22 @@ static double sent_to(const fum_lamp *lamp, fum_vec3 position) {
 typedef struct sum {
   double wrong, sent;
 } sum;
+
+/* Adds a lamp whose exact optical depths are known at the points. */
+static void add_lamp(const fum_rendering *r, const fum_lamp *lamp, const fum_slabs *slabs, const fum_lattice *lattice,
+                     const spots *s, const fum_octree *points, const float *exact, sum *sums) {
+  const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
+#pragma omp parallel for num_threads(fum_thread_count(r->context)) schedule(dynamic, 256)
+  for (int64_t i = 0; i < points->count; i++) {
+    if (fum_progress_in_loop(r->context, i, 1 << 12)) continue;
+    const uint32_t n = points->indices[i], pixel = s->pixels[n];
+    const fum_vec3 position = {points->x[i], points->y[i], points->z[i]};
+    const double held = held_depth(r, slabs, lattice, lamp, lamp->index, pixel, s->depths[pixel], position);
+    const double sent = sent_to(lamp, &viewpoint, position);
+    sums[n].wrong += sent * (exp(-held) - exp(-(double)exact[i]));
+    sums[n].sent += sent;
+  }
+}
 
 static int32_t add_lights(fum_rendering *r, const fum_lighting *lighting, const fum_slabs *slabs,
                           const fum_lattice *lattice, const spots *s, const fum_octree *points, sum *sums) {
@@ -91,22 +113,18 @@ static int32_t add_lights(fum_rendering *r, const fum_lighting *lighting, const 
   g.receivers = &receivers;
   g.solids = NULL; /* they block light, however much of it there is */
   int32_t status = fum_receivers_group(context, points, &receivers);
-  if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *exact, "pass Error", &exact);
-  for (int32_t l = 0; l < lattice->light_count && status == FUM_OK; l++) {
-    const fum_lamp *lamp = &lighting->lamps[l];
+  const fum_lamps *lamps = &lighting->lamps;
+  const int64_t most = points->count * fum_lamps_most_alike(lamps);
+  if (status == FUM_OK) status = fum_alloc(context, most, sizeof *exact, "pass Error", &exact);
+  for (int32_t l = 0, alike; l < lamps->count && status == FUM_OK; l += alike) {
+    const fum_lamp *lamp = &lamps->items[l];
+    alike = fum_lamps_alike(lamps, l);
     if (!lamp->lights_smoke) continue;
-    const float count = (float)lattice->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
-    status = fum_gather_depths(&g, lamp, progress, exact, NULL);
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256)
-    for (int64_t i = 0; i < points->count; i++) {
-      if (fum_progress_in_loop(context, i, 1 << 12)) continue;
-      const uint32_t n = points->indices[i], pixel = s->pixels[n];
-      const fum_vec3 position = {points->x[i], points->y[i], points->z[i]};
-      const double held = held_depth(r, slabs, lattice, lamp, l, pixel, s->depths[pixel], position);
-      const double sent = sent_to(lamp, position);
-      sums[n].wrong += sent * (exp(-held) - exp(-(double)exact[i]));
-      sums[n].sent += sent;
-    }
+    const float count = (float)lamps->count, progress[2] = {(float)l / count, (float)(l + alike) / count};
+    status = lamp->environment != NULL ? fum_gather_around(&g, lamp, alike, progress, exact, NULL)
+                                       : fum_gather_depths(&g, lamp, progress, exact, NULL);
+    for (int32_t k = 0; k < alike && status == FUM_OK; k++)
+      add_lamp(r, &lamp[k], slabs, lattice, s, points, exact + k * points->count, sums);
   }
   fum_free(context, &exact);
   fum_receivers_free(context, &receivers);

@@ -2,7 +2,6 @@
 #include "api/lighting.h"
 
 #include "api/settings.h"
-#include "lighting/inscatter.h"
 
 #include <string.h>
 
@@ -36,7 +35,7 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
 }
 
 void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
-  fum_free(context, &lighting->lamps);
+  fum_lamps_free(context, &lighting->lamps);
   fum_receivers_free(context, &lighting->receivers);
 }
 
@@ -67,14 +66,34 @@ static int32_t check_points(fum_scene *scene, int32_t light, int64_t count, cons
   return FUM_OK;
 }
 
-/* Factors on the light's colour at points of a scene whose caches are current, in the caller's order. `normals` are
- * used if `has_response`. */
+/* Adds what arrives of the light at points, in the caller's order: [3 count] irradiance, or the mean of its samples'
+ * transmittances, in each channel the same. */
+static int32_t add_lamps(const fum_lighting *lighting, int32_t light, bool is_transmittance, int64_t count,
+                         const uint32_t *indices, float *factors, float *out) {
+  int32_t status = FUM_OK;
+  float sent = 0.0F;
+  for (fum_lamp_walk walk = {0}; fum_lamps_walk(&lighting->lamps, &walk) && status == FUM_OK;) {
+    const float *color = walk.lamp.color;
+    if (walk.lamp.light != light) continue;
+    memset(factors, 0, (size_t)count * sizeof *factors);
+    status = fum_gather_light(&lighting->gathering, &walk.lamp, (float[2]){0.0F, 1.0F}, factors);
+    const float share = walk.lamp.environment != NULL ? color[0] + color[1] + color[2] : 1.0F;
+    sent += share;
+    for (int64_t i = 0; i < 3 * count && status == FUM_OK; i++)
+      out[3 * (int64_t)indices[i / 3] + i % 3] += (is_transmittance ? share : color[i % 3]) * factors[i / 3];
+  }
+  for (int64_t i = 0; i < 3 * count && is_transmittance && sent > 0.0F; i++)
+    out[i] /= sent;
+  return status;
+}
+
+/* At points of a scene whose caches are current, [3 count]. `normals` are used for irradiance. */
 static int32_t light_points(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
-                            const float *positions, const float *normals, bool has_response, float *out_factors) {
+                            const float *positions, const float *normals, bool is_transmittance, float *out) {
   fum_context *context = scene->context;
   fum_octree *points = NULL;
   fum_lighting lighting = {0};
-  float *factors = NULL, *local = NULL;
+  float *factors = NULL, *local = NULL, *sums = NULL;
   int32_t status = fum_alloc(context, count, 3 * sizeof *local, "points", &local);
   for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++) {
     local[i] = (float)((double)positions[i] - scene->origin[i % 3]);
@@ -85,42 +104,42 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   if (status == FUM_OK) status = fum_lighting_begin(scene, settings, points, &lighting);
   if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
+  if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *sums, "points", &sums);
   if (status != FUM_OK) goto done;
   const fum_surface surfaces = {.indices = points->indices, .normals = normals};
   /* Nothing measures these: only an exact solver keeps what is promised of them. */
   if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
-  lighting.gathering.response = has_response ? fum_surface_respond : NULL;
+  lighting.gathering.response = is_transmittance ? NULL : fum_surface_respond;
   lighting.gathering.response_user = &surfaces;
-  status = fum_gather_light(&lighting.gathering, &lighting.lamps[light], (float[2]){0.0F, 1.0F}, factors);
-  if (status != FUM_OK) goto done;
-  for (int64_t i = 0; i < count; i++)
-    out_factors[points->indices[i]] = factors[i];
+  status = add_lamps(&lighting, light, is_transmittance, count, points->indices, factors, sums);
+  if (status == FUM_OK && count > 0) memcpy(out, sums, 3 * (size_t)count * sizeof *sums);
 done:
   fum_free(context, &local);
   fum_free(context, &factors);
+  fum_free(context, &sums);
   fum_lighting_end(context, &lighting);
   fum_octree_destroy(context, points);
   return status;
 }
 
-/* The same for red, green and blue, [count][3]. */
+/* Each channel by its own extinction. */
 static int32_t light_channels(fum_scene *scene, const fum_settings *settings, int32_t light, int64_t count,
-                              const float *positions, const float *normals, bool has_response, float *out_factors) {
+                              const float *positions, const float *normals, bool is_transmittance, float *out) {
   const fum_channels *channels = NULL;
-  float *factors = NULL;
+  float *rgb = NULL;
   fum_settings checked;
   fum_progress_begin(scene->context);
   int32_t status = fum_settings_check(scene->context, settings, &checked);
   if (status == FUM_OK) status = fum_channels_update(scene, &checked, &channels);
-  if (status == FUM_OK) status = fum_alloc(scene->context, count, sizeof *factors, "points", &factors);
+  if (status == FUM_OK) status = fum_alloc(scene->context, count, 3 * sizeof *rgb, "points", &rgb);
   for (int32_t k = 0; status == FUM_OK && k < channels->count; k++) {
-    status = light_points(channels->scenes[k], &checked, light, count, positions, normals, has_response, factors);
+    status = light_points(channels->scenes[k], &checked, light, count, positions, normals, is_transmittance, rgb);
     for (int c = 0; c < 3; c++) {
       for (int64_t i = 0; channels->of[c] == k && i < count; i++)
-        out_factors[3 * i + c] = factors[i];
+        out[3 * i + c] = rgb[3 * i + c];
     }
   }
-  fum_free(scene->context, &factors);
+  fum_free(scene->context, &rgb);
   return status;
 }
 
@@ -130,7 +149,7 @@ int32_t fum_scene_transmittance(fum_scene *scene, const fum_settings *settings, 
   if (status != FUM_OK) return status;
   float *rgb = NULL;
   status = fum_alloc(scene->context, count, 3 * sizeof *rgb, "points", &rgb);
-  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, NULL, false, rgb);
+  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, NULL, true, rgb);
   for (int64_t i = 0; status == FUM_OK && i < count; i++) {
     const double sum = (double)rgb[3 * i] + (double)rgb[3 * i + 1] + (double)rgb[3 * i + 2];
     out_transmittance[i] = (float)(sum / 3.0); /* of three equal floats exactly that float */
@@ -149,11 +168,10 @@ int32_t fum_scene_irradiance(fum_scene *scene, const fum_settings *settings, int
       return fum_fail(context, FUM_ERROR_ARGUMENT, "points: normal %lld is not finite", (long long)(i / 3));
     }
   }
-  float *factors = NULL;
-  status = fum_alloc(context, count, 3 * sizeof *factors, "points", &factors);
-  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, normals, true, factors);
-  for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++)
-    out_irradiance[i] = scene->lights[light].desc.intensity[i % 3] * factors[i];
-  fum_free(context, &factors);
+  float *rgb = NULL;
+  status = fum_alloc(context, count, 3 * sizeof *rgb, "points", &rgb);
+  if (status == FUM_OK) status = light_channels(scene, settings, light, count, positions, normals, false, rgb);
+  if (status == FUM_OK && count > 0) memcpy(out_irradiance, rgb, 3 * (size_t)count * sizeof *rgb);
+  fum_free(context, &rgb);
   return status;
 }

@@ -5,11 +5,12 @@
 
 #include "api/caches.h"
 #include "lighting/gather.h"
+#include "lighting/lamps.h"
 
 typedef struct fum_lighting {
   const fum_media *media; /* the caches' */
   fum_receivers receivers;
-  fum_lamp *lamps; /* [light_count] */
+  fum_lamps lamps;
   fum_solver solver;
   fum_gathering gathering;
 } fum_lighting;

@@ -8,9 +8,15 @@
  * count as much as they are lit. */
 typedef struct sums {
   const fum_rendering *r;
-  float *smoky, *clear; /* [pixels][channels]: red, green and blue of all lights, then one of each light asked for */
+  float *smoky, *clear; /* [pixels][channels]: red, green and blue of all lights, then those of each light asked for */
   int32_t channels;
 } sums;
+
+/* Channels of its own that a light asked for has: what an environment sends has many colours. */
+static int32_t own_channels(const fum_rendering *r, int32_t light) {
+  if (r->light_shadows[light] == NULL) return 0;
+  return r->scene->lights[light].desc.type == FUM_LIGHT_ENVIRONMENT ? 3 : 1;
+}
 
 static int64_t pixel_count(const fum_rendering *r) {
   return (int64_t)r->view.width * r->view.height;
@@ -22,23 +28,25 @@ static float share_of(const sums *s, int64_t pixel, int32_t channel) {
 }
 
 /* fum_surface_light_fn */
-static void add_light(void *user, int32_t light, const fum_surfaces *surfaces, const uint32_t *points,
+static void add_light(void *user, const fum_lamp *lamp, const fum_surfaces *surfaces, const uint32_t *points,
                       const float *smoky, const float *clear) {
   sums *s = user;
-  const float *color = s->r->scene->lights[light].desc.intensity;
-  float *const *shadows = s->r->light_shadows;
+  const float *color = lamp->color;
+  const int32_t own_count = own_channels(s->r, lamp->light);
   int32_t own = 3;
-  for (int32_t l = 0; l < light; l++)
-    own += shadows[l] != NULL;
+  for (int32_t l = 0; l < lamp->light; l++)
+    own += own_channels(s->r, l);
   for (int64_t i = 0; i < surfaces->count; i++) {
     const int64_t at = (int64_t)surfaces->pixels[points[i]] * s->channels;
     for (int c = 0; c < 3; c++) {
       s->smoky[at + c] += color[c] * smoky[i];
       s->clear[at + c] += color[c] * clear[i];
     }
-    if (shadows[light] == NULL) continue;
-    s->smoky[at + own] += smoky[i];
-    s->clear[at + own] += clear[i];
+    for (int32_t c = 0; c < own_count; c++) {
+      const float weight = own_count == 3 ? color[c] : 1.0F;
+      s->smoky[at + own + c] += weight * smoky[i];
+      s->clear[at + own + c] += weight * clear[i];
+    }
   }
 }
 
@@ -87,9 +95,10 @@ static void write_shares(fum_rendering *r, const sums *s) {
       r->shadow[3 * i + c] = share_of(s, i, c);
     for (int32_t l = 0; l < r->scene->light_count; l++) {
       if (r->light_shadows[l] == NULL) continue;
-      const float share = share_of(s, i, channel++);
+      const int32_t own_count = own_channels(r, l);
       for (int c = 0; c < 3; c++)
-        r->light_shadows[l][3 * i + c] = share;
+        r->light_shadows[l][3 * i + c] = share_of(s, i, channel + (own_count == 3 ? c : 0));
+      channel += own_count;
     }
   }
 }
@@ -99,7 +108,7 @@ int32_t fum_shadow_find(fum_rendering *r) {
   uint32_t *pixels = NULL;
   sums s = {.r = r, .channels = 3};
   for (int32_t l = 0; l < r->scene->light_count; l++)
-    s.channels += r->light_shadows[l] != NULL;
+    s.channels += own_channels(r, l);
   int32_t status = fum_alloc(context, pixel_count(r), sizeof *pixels, "shadows of smoke", &pixels);
   const size_t entry = (size_t)s.channels * sizeof(float);
   if (status == FUM_OK) status = fum_alloc(context, pixel_count(r), entry, "shadows of smoke", &s.smoky);

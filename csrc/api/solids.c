@@ -42,14 +42,14 @@ static float *layer_at(const picture *p, const fum_surfaces *surfaces, int64_t s
 }
 
 /* fum_surface_light_fn */
-static void add_light(void *user, int32_t light, const fum_surfaces *surfaces, const uint32_t *points,
+static void add_light(void *user, const fum_lamp *lamp, const fum_surfaces *surfaces, const uint32_t *points,
                       const float *smoky, const float *clear) {
   (void)clear;
   const picture *p = user;
   const fum_scene *scene = p->r->scene;
-  const float *color = scene->lights[light].desc.intensity;
-  const bool is_asked = p->r->lights[light] != NULL;
-  const int32_t part = part_of(p->r, light);
+  const float *color = lamp->color;
+  const bool is_asked = p->r->lights[lamp->light] != NULL;
+  const int32_t part = part_of(p->r, lamp->light);
   for (int64_t i = 0; i < surfaces->count; i++) {
     const float *albedo = scene->meshes[surfaces->meshes[points[i]]].albedo;
     float *seen = layer_at(p, surfaces, points[i]);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 static bool has_size(const fum_light_desc *light) {
-  if (light->type == FUM_LIGHT_SUN) return light->sun_angle > 0.0F;
+  if (light->type == FUM_LIGHT_SUN) return light->sun_angle > 0.0F; /* parts of environments are such */
   return light->type == FUM_LIGHT_AREA || light->radius > 0.0F;
 }
 
@@ -34,14 +34,18 @@ int32_t fum_surface_light_find(const fum_rendering *r, const fum_surfaces *surfa
                          .mesh_indices = surfaces->meshes};
   lighting.gathering.response = fum_surface_respond;
   lighting.gathering.response_user = &surface;
-  for (int32_t l = 0; l < r->scene->light_count && status == FUM_OK; l++) {
+  const float total = (float)fum_lamps_sample_count(&lighting.lamps);
+  int32_t done_samples = 0;
+  for (fum_lamp_walk walk = {0}; fum_lamps_walk(&lighting.lamps, &walk) && status == FUM_OK;) {
+    const fum_lamp *lamp = &walk.lamp;
     memset(smoky, 0, (size_t)surfaces->count * sizeof *smoky);
     memset(clear, 0, (size_t)surfaces->count * sizeof *clear);
-    const float count = (float)r->scene->light_count, progress[2] = {(float)l / count, (float)(l + 1) / count};
-    const fum_lamp *lamp = &lighting.lamps[l];
+    const float from = (float)done_samples / total;
+    done_samples += lamp->sample_count;
+    const float progress[2] = {from, (float)done_samples / total};
     surface.light_sets = lamp->desc.light_sets;
     status = fum_gather_on_surfaces(&lighting.gathering, lamp, fine_samples(r, lamp), progress, smoky, clear);
-    if (status == FUM_OK) hear(user, l, surfaces, points->indices, smoky, clear);
+    if (status == FUM_OK) hear(user, lamp, surfaces, points->indices, smoky, clear);
   }
 done:
   fum_free(context, &clear);

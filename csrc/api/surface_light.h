@@ -6,12 +6,13 @@
 #include "api/combine.h"
 #include "pass/surfaces.h"
 
-/* Hears of one light: irradiance at surface points[i] of those that were asked for, i below count, as a factor on the
- * light's colour; `smoky` through smoke and past solids, `clear` past solids alone. */
-typedef void (*fum_surface_light_fn)(void *user, int32_t light, const fum_surfaces *surfaces, const uint32_t *points,
-                                     const float *smoky, const float *clear);
+/* Hears of one lamp: irradiance at surface points[i] of those that were asked for, i below count, as a factor on the
+ * lamp's colour; `smoky` through smoke and past solids, `clear` past solids alone. An environment comes as many lamps.
+ */
+typedef void (*fum_surface_light_fn)(void *user, const fum_lamp *lamp, const fum_surfaces *surfaces,
+                                     const uint32_t *points, const float *smoky, const float *clear);
 
-/* Finds what arrives at surfaces, light by light. */
+/* Finds what arrives at surfaces, lamp by lamp. */
 int32_t fum_surface_light_find(const fum_rendering *r, const fum_surfaces *surfaces, fum_surface_light_fn hear,
                                void *user);
 

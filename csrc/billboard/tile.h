@@ -33,7 +33,7 @@ typedef struct fum_tile_job {
   const fum_slabs *slabs;
   const fum_splats *splats;
   const fum_lattice *lattice;
-  const fum_lamp *lamps;
+  const fum_lamps *lamps;
   const fum_solids *solids; /* that cast shadows; NULL: none */
   float solid_shadow_intensity;
   const float *solid_depths; /* [height][width] along the axis; NULL: none */
@@ -67,6 +67,7 @@ typedef struct fum_tile_held {
   int32_t faces[4]; /* face f, from -1 on, is kept at f & 3 */
   float values[4][FUM_TILE_PIXELS];
   float visible[FUM_TILE_PIXELS]; /* share that solids let through, of the slab */
+  float around[FUM_TILE_PIXELS];  /* of an environment: what smoke scatters to the camera of its unhindered light */
 } fum_tile_held;
 
 /* Radiance of a tile's pixels. */
@@ -78,7 +79,7 @@ typedef struct fum_tile_rgb {
 typedef struct fum_tile_scratch {
   float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride) */
   int64_t slabs_size;
-  fum_tile_held *held;        /* [light] */
+  fum_tile_held *held;        /* [lamp] */
   fum_tile_rgb *parts;        /* [light + 1] of each light that is asked for by itself, and of emission */
   struct fum_deep_tile *deep; /* what is noted of the tile for deep pixels; NULL: not asked for */
   bool is_out_of_memory;

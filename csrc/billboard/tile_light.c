@@ -2,9 +2,9 @@
 #include "billboard/tile_light.h"
 
 #include "base/vector.h"
-#include "lighting/inscatter.h"
 #include "lighting/lookup.h"
 #include "lighting/panel.h"
+#include "lighting/phase.h"
 
 #include <string.h>
 
@@ -60,8 +60,8 @@ static void interpolate(const fum_lattice_face *face, const float *values, const
   }
 }
 
-/* What the lattice holds of a light's optical depth at a face; NaN where a sample that is needed isn't lit. */
-static const float *held_on_face(const fum_light_grid *grid, int32_t light, int32_t face, fum_tile_held *held) {
+/* What the lattice holds of a lamp's optical depth at a face; NaN where a sample that is needed isn't lit. */
+static const float *held_on_face(const fum_light_grid *grid, int32_t lamp, int32_t face, fum_tile_held *held) {
   const fum_lattice *lattice = grid->job->lattice;
   float *values = held->values[face & 3];
   if (held->faces[face & 3] == face) return values;
@@ -71,8 +71,7 @@ static const float *held_on_face(const fum_light_grid *grid, int32_t light, int3
       values[i] = NAN;
     return values;
   }
-  interpolate(&lattice->faces[face], lattice->depths + light * lattice->sample_count, grid->columns, grid->rows,
-              values);
+  interpolate(&lattice->faces[face], lattice->depths + lamp * lattice->sample_count, grid->columns, grid->rows, values);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     values[i] = values[i] < 0.0F ? 0.0F : values[i];
   return values;
@@ -84,15 +83,15 @@ static const fum_lattice_face *face_or(const fum_lattice *lattice, int32_t face,
 }
 
 /* Mean of the two faces, for what isn't integrated across the slab. */
-static void interpolate_middle(const fum_light_grid *grid, const float *values, int32_t light, int32_t slab,
+static void interpolate_middle(const fum_light_grid *grid, const float *values, int32_t lamp, int32_t slab,
                                float *out) {
   const fum_lattice *lattice = grid->job->lattice;
   const fum_lattice_face *begin = face_or(lattice, slab, slab + 1), *end = face_or(lattice, slab + 1, slab);
   float other[FUM_TILE_PIXELS];
   memset(out, 0, FUM_TILE_PIXELS * sizeof *out);
   if (begin->columns == 0) return;
-  interpolate(begin, values + light * lattice->sample_count, grid->columns, grid->rows, out);
-  interpolate(end, values + light * lattice->sample_count, grid->columns, grid->rows, other);
+  interpolate(begin, values + lamp * lattice->sample_count, grid->columns, grid->rows, out);
+  interpolate(end, values + lamp * lattice->sample_count, grid->columns, grid->rows, other);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     out[i] = 0.5F * (out[i] + other[i]);
 }
@@ -297,22 +296,22 @@ static float find_lean(const fum_slab_smoke *smoke, const float ranges[4], float
   return fum_min(fum_max(change / here, -1.0F), 1.0F);
 }
 
-void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held, fum_slab_held *out) {
+void fum_tile_hold(const fum_light_grid *grid, int32_t lamp, int32_t slab, fum_tile_held *held, fum_slab_held *out) {
   const fum_tile_job *job = grid->job;
   for (int32_t k = 0; k < 4; k++) {
-    out->faces[k] = held_on_face(grid, light, slab - 1 + k, held);
+    out->faces[k] = held_on_face(grid, lamp, slab - 1 + k, held);
     out->ranges[k] = fum_slabs_range(job->slabs, slab - 1 + k);
   }
   out->visible = NULL;
   if (job->lattice->visible == NULL) return;
-  interpolate_middle(grid, job->lattice->visible, light, slab, held->visible);
+  interpolate_middle(grid, job->lattice->visible, lamp, slab, held->visible);
   out->visible = held->visible;
 }
 
-void fum_tile_light_pixel(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke,
+void fum_tile_light_pixel(const fum_light_grid *grid, int32_t index, const fum_slab_smoke *smoke,
                           const fum_slab_held *held, int32_t pixel, fum_slab_light *out) {
   const fum_tile_job *job = grid->job;
-  const fum_lamp *lamp = &job->lamps[light];
+  const fum_lamp *lamp = &job->lamps->items[index];
   const float *ranges = held->ranges, first = ranges[1], last = ranges[2];
   float around[4];
   for (int k = 0; k < 4; k++)

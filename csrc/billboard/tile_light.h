@@ -46,11 +46,11 @@ static const float FUM_SHADOW_SLACK = 1e-3F;
  * this. */
 static const float FUM_STEEP = 0.25F;
 
-/* `held` belongs to the light as long as the tile's slabs are gone through; `out` points into it. */
-void fum_tile_hold(const fum_light_grid *grid, int32_t light, int32_t slab, fum_tile_held *held, fum_slab_held *out);
+/* `held` belongs to the lamp as long as the tile's slabs are gone through; `out` points into it. */
+void fum_tile_hold(const fum_light_grid *grid, int32_t lamp, int32_t slab, fum_tile_held *held, fum_slab_held *out);
 
-/* Lights one pixel, whatever the light. */
-void fum_tile_light_pixel(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke,
+/* Lights one pixel, whatever the lamp, but for an environment's: these are even everywhere. */
+void fum_tile_light_pixel(const fum_light_grid *grid, int32_t lamp, const fum_slab_smoke *smoke,
                           const fum_slab_held *held, int32_t pixel, fum_slab_light *out_light);
 
 #endif

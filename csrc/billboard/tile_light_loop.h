@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* The part of tile_loop.h that lights a slab, many pixels at once: suns and point lights where they shine evenly enough
- * that the middle of each ray's span stands for it. Everything else is left to fum_tile_light_pixel. */
+/* The part of tile_loop.h that lights a slab, many pixels at once: environments, suns and point lights where they shine
+ * evenly enough that the middle of each ray's span stands for it. Everything else is left to fum_tile_light_pixel. */
 #include "billboard/tile_light.h"
 #include "billboard/tile_rays.h"
 
@@ -81,7 +81,7 @@ static parabolas find_parabolas(const float *const held[4], const float ranges[4
 typedef struct passings {
   fum_vf nearest, squared_beside; /* m from the slab's first face; m^2 */
   fum_vf cosine;                  /* of a sun: between ray and the way to it */
-  bool is_sun, is_per_metre;
+  bool is_sun, is_per_metre;      /* an environment passes as a sun does */
 } passings;
 
 static passings pass_lamp(const fum_light_grid *grid, const fum_lamp *lamp, float range, int32_t pixel) {
@@ -92,7 +92,8 @@ static passings pass_lamp(const fum_light_grid *grid, const fum_lamp *lamp, floa
   const float back[3] = {lamp->back.x, lamp->back.y, lamp->back.z};
   const fum_vf u = fum_vf_load(grid->u + pixel), v = fum_vf_load(grid->v + pixel);
   const fum_vf inverse_length = fum_vf_load(grid->inverse_length + pixel);
-  passings p = {.is_sun = lamp->desc.type == FUM_LIGHT_SUN, .is_per_metre = fum_lattice_is_per_metre(lamp)};
+  passings p = {.is_sun = lamp->desc.type == FUM_LIGHT_SUN || lamp->environment != NULL,
+                .is_per_metre = fum_lattice_is_per_metre(lamp)};
   fum_vf line[3], direction[3];
   p.nearest = p.squared_beside = p.cosine = ZERO;
   for (int row = 0; row < 3; row++) {
@@ -152,9 +153,44 @@ static fum_vf phase(float g, fum_vf cosine) {
   return (1.0F - g * g) / (4.0F * (float)FUM_PI) / (base * fum_vf_sqrt(base));
 }
 
+/* What smoke of the lamp's anisotropy scatters to the camera of an environment's light in the clear: the sum of
+ * fum_sky_scatter_wide over its fine parts. */
+static fum_vf scatter_around(const fum_light_grid *grid, const fum_lamp *lamp, int32_t pixel) {
+  const fum_environment *e = lamp->environment;
+  const float g = lamp->anisotropy;
+  if (g == 0.0F || e->fine_count == 0) return fum_vf_set(e->total[lamp->channel] / (4.0F * (float)FUM_PI));
+  const double *m = grid->job->view->local_from_camera;
+  const bool is_perspective = grid->job->view->type == FUM_CAMERA_PERSPECTIVE;
+  const fum_vf u = fum_vf_load(grid->u + pixel), v = fum_vf_load(grid->v + pixel);
+  const fum_vf inverse_length = fum_vf_load(grid->inverse_length + pixel);
+  fum_vf direction[3], sum = ZERO;
+  for (int row = 0; row < 3; row++) {
+    const fum_vf across = (float)m[4 * row] * u + (float)m[4 * row + 1] * v;
+    direction[row] = ((is_perspective ? across : ZERO) - (float)m[4 * row + 2]) * inverse_length;
+  }
+  for (int32_t i = 0; i < e->fine_count; i++) {
+    const fum_sky *part = &e->fine_parts[i];
+    const fum_vec3 to = part->direction;
+    const fum_vf cosine = to.x * direction[0] + to.y * direction[1] + to.z * direction[2];
+    const fum_vf along = cosine * part->closeness;
+    const fum_vf across = fum_vf_sqrt(fum_vf_at_least(1.0F - cosine * cosine, 0.0F)) * part->spread;
+    sum += (0.5F * part->irradiance[lamp->channel]) *
+           (phase(g, vf_min(along + across, fum_vf_set(1.0F))) + phase(g, vf_max(along - across, fum_vf_set(-1.0F))));
+  }
+  return sum;
+}
+
+/* Makes what is held of a lamp ready for a tile. */
+static void begin_lamp(const fum_light_grid *grid, const fum_lamp *lamp, fum_tile_held *held) {
+  for (int k = 0; k < 4; k++)
+    held->faces[k] = FUM_NO_FACE;
+  for (int32_t i = 0; i < FUM_TILE_PIXELS && lamp->environment != NULL; i += FUM_LANES)
+    fum_vf_store(held->around + i, scatter_around(grid, lamp, i));
+}
+
 /* light_middle of tile_light.c. */
 static void light_middles(const fum_light_grid *grid, const fum_lamp *lamp, const spans *s, const passings *p,
-                          const parabolas *held, float slab_length, fum_vf strength, int32_t pixel,
+                          const parabolas *held, float slab_length, fum_vf strength, const float *around, int32_t pixel,
                           fum_slab_light *out) {
   const fum_tile_job *job = grid->job;
   const fum_vf along = 0.5F * (s->begin + s->end), distance = distance_at(p, along);
@@ -169,8 +205,11 @@ static void light_middles(const fum_light_grid *grid, const fum_lamp *lamp, cons
   fum_vf_store(out->begin + pixel, begin);
   fum_vf_store(out->end + pixel, end);
   for (int32_t c = 0; c < job->class_count; c++) {
+    const float g = job->classes[c].anisotropy;
     const bool is_lit = fum_has_set(lamp->desc.light_sets, job->classes[c].light_set);
-    fum_vf_store(out->strengths[c] + pixel, is_lit ? bent * phase(job->classes[c].anisotropy, cosine) : ZERO);
+    const bool is_meant = is_lit && (lamp->environment == NULL || g == lamp->anisotropy);
+    const fum_vf scattered = lamp->environment == NULL ? phase(g, cosine) : fum_vf_load(around + pixel);
+    fum_vf_store(out->strengths[c] + pixel, is_meant ? bent * scattered : ZERO);
   }
 }
 
@@ -181,18 +220,19 @@ static void leave_dark(const fum_tile_job *job, int32_t pixel, fum_slab_light *o
     fum_vf_store(out->strengths[c] + pixel, ZERO);
 }
 
-/* Lights the slab with one light. */
-static void light_slab(const fum_light_grid *grid, int32_t light, const fum_slab_smoke *smoke, fum_tile_held *held,
+/* Lights the slab with one lamp. */
+static void light_slab(const fum_light_grid *grid, int32_t index, const fum_slab_smoke *smoke, fum_tile_held *held,
                        fum_slab_light *out) {
-  const fum_lamp *lamp = &grid->job->lamps[light];
-  const bool is_simple = lamp->desc.type == FUM_LIGHT_SUN || lamp->desc.type == FUM_LIGHT_POINT;
+  const fum_lamp *lamp = &grid->job->lamps->items[index];
+  const bool is_around = lamp->environment != NULL;
+  const bool is_simple = lamp->desc.type == FUM_LIGHT_SUN || lamp->desc.type == FUM_LIGHT_POINT || is_around;
   fum_slab_held around;
-  fum_tile_hold(grid, light, smoke->index, held, &around);
+  fum_tile_hold(grid, index, smoke->index, held, &around);
   const fum_emitter centre = {.is_directional = true};
   const float sun = lamp->desc.type == FUM_LIGHT_SUN
                         ? fum_emitter_irradiance(lamp, &centre, lamp->back) * (float)lamp->sample_count
                         : 1.0F;
-  out->color = lamp->desc.intensity;
+  out->color = lamp->color;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
     const fum_vi shows =
         (fum_vf_load(smoke->depth + i) > FUM_TILE_THIN) & (fum_vf_load(smoke->front + i) < FUM_TILE_DARK);
@@ -206,10 +246,10 @@ static void light_slab(const fum_light_grid *grid, int32_t light, const fum_slab
       fum_vf strength = fum_vf_set(sun);
       if (around.visible != NULL)
         strength *= vf_min(fum_vf_at_least(fum_vf_load(around.visible + i), 0.0F), fum_vf_set(1.0F));
-      light_middles(grid, lamp, &s, &p, &depths, around.ranges[2] - around.ranges[1], strength, i, out);
-      left &= fum_vi_bits(are_uneven(grid, &s, &p, around.visible, i));
+      light_middles(grid, lamp, &s, &p, &depths, around.ranges[2] - around.ranges[1], strength, held->around, i, out);
+      left &= is_around ? 0 : fum_vi_bits(are_uneven(grid, &s, &p, around.visible, i));
     }
     for (; left != 0; left &= left - 1)
-      fum_tile_light_pixel(grid, light, smoke, &around, i + __builtin_ctz(left), out);
+      fum_tile_light_pixel(grid, index, smoke, &around, i + __builtin_ctz(left), out);
   }
 }

@@ -70,7 +70,7 @@ static bool shows(const float *slab, const sums *s) {
 
 /* Where a light's radiance is added up; that of emission where `light` is the number of lights. */
 static fum_tile_rgb *part_of(const fum_tile_job *job, int32_t light, fum_tile_rgb *parts, sums *s) {
-  const bool is_light = light < job->lattice->light_count;
+  const bool is_light = light < job->scene->light_count;
   const float *own = is_light ? (job->light_rgb != NULL ? job->light_rgb[light] : NULL) : job->emission;
   return own != NULL ? &parts[light] : &s->rgb;
 }
@@ -79,7 +79,7 @@ static fum_tile_rgb *part_of(const fum_tile_job *job, int32_t light, fum_tile_rg
 static void note_depth(const tile *t, int32_t slab, const fum_tile_scratch *scratch, sums *s) {
   fum_tile_rgb *rgb = fum_deep_note(scratch->deep, slab, s->depth);
   *rgb = s->rgb;
-  for (int32_t l = 0; l <= t->job->lattice->light_count; l++) {
+  for (int32_t l = 0; l <= t->job->scene->light_count; l++) {
     const fum_tile_rgb *part = part_of(t->job, l, scratch->parts, s);
     for (int c = 0; c < 3 && part != &s->rgb; c++) {
       for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
@@ -93,16 +93,14 @@ static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *s
   const fum_light_grid grid = {job, t->columns, t->rows, t->u, t->v, t->inverse_length, t->near, t->far};
   const int64_t stride = slab_stride(t);
   fum_slab_light light;
-  const int32_t lights = job->lattice->light_count;
+  const int32_t lights = job->scene->light_count, lamps = job->lattice->lamp_count;
   fum_tile_held *held = scratch->held;
   for (int32_t l = 0; l <= lights; l++) {
     fum_tile_rgb *part = part_of(job, l, scratch->parts, s);
     if (part != &s->rgb) *part = (fum_tile_rgb){0};
   }
-  for (int32_t l = 0; l < lights; l++) {
-    for (int k = 0; k < 4; k++)
-      held[l].faces[k] = FUM_NO_FACE;
-  }
+  for (int32_t l = 0; l < lamps; l++)
+    begin_lamp(&grid, &job->lamps->items[l], &held[l]);
   for (int32_t k = 0; k < t->slab_count; k++) {
     const float *slab = slabs + k * stride;
     if (!shows(slab, s)) continue;
@@ -111,10 +109,10 @@ static void resolve(const tile *t, const float *slabs, const fum_tile_scratch *s
                                   .before = k > 0 ? slab - stride : NULL,
                                   .next = k + 1 < t->slab_count ? slab + stride : NULL,
                                   .front = s->depth};
-    for (int32_t l = 0; l < lights; l++) {
-      if (!job->lamps[l].lights_smoke) continue;
+    for (int32_t l = 0; l < lamps; l++) {
+      if (!job->lamps->items[l].lights_smoke) continue;
       light_slab(&grid, l, &smoke, &held[l], &light);
-      add_light(t, slab, &light, s->depth, part_of(job, l, scratch->parts, s));
+      add_light(t, slab, &light, s->depth, part_of(job, job->lamps->items[l].light, scratch->parts, s));
     }
     if (job->glows) add_glow(t, slab, s->depth, part_of(job, lights, scratch->parts, s));
     for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
@@ -138,7 +136,7 @@ static void write_part(const tile *t, const fum_tile_rgb *part, float *out, int3
 /* Adds the tile to the picture. Combined is the sum of its parts. */
 static void write_pixels(const tile *t, const fum_tile_scratch *scratch, sums *s) {
   const fum_tile_job *job = t->job;
-  const int32_t lights = job->lattice->light_count;
+  const int32_t lights = job->scene->light_count;
   for (int32_t l = 0; l <= lights; l++) {
     const fum_tile_rgb *part = part_of(job, l, scratch->parts, s);
     if (part == &s->rgb) continue;

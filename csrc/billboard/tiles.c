@@ -66,14 +66,19 @@ static double find_self_shade(const fum_tile_job *job, int64_t i) {
   const fum_vec3 to_camera = job->view->type == FUM_CAMERA_PERSPECTIVE ? fum_sub(camera, at) : back;
   const fum_particles *set = fum_scene_particles_of(job->scene, octree->indices[i]);
   double shaded = 0.0, sent = 0.0;
-  for (int32_t l = 0; l < job->lattice->light_count; l++) {
-    const fum_lamp *lamp = &job->lamps[l];
+  for (int32_t l = 0; l < job->lattice->lamp_count; l++) {
+    const fum_lamp *lamp = &job->lamps->items[l];
     if (!fum_has_set(lamp->desc.light_sets, set->light_set)) continue;
     const bool is_blocked = lamp->desc.casts_shadows != 0 && fum_has_set(lamp->desc.shadow_sets, set->shadow_set);
     const fum_emitter sample = fum_lamp_sample(lamp, 0);
-    const fum_vec3 to_light = sample.is_directional ? sample.direction : fum_sub(lamp->position, at);
-    const float lengths = fum_length(to_light) * fum_length(to_camera), *color = lamp->desc.intensity;
-    const double strength = (double)(fum_emitter_irradiance(lamp, &sample, at) * (color[0] + color[1] + color[2]));
+    const fum_environment *around = lamp->environment;
+    /* All around, the mean of the cosines is taken for them: their squares count little. */
+    const fum_vec3 to_light = around != NULL          ? around->mean
+                              : sample.is_directional ? sample.direction
+                                                      : fum_sub(lamp->position, at);
+    const float lengths = (around != NULL ? 1.0F : fum_length(to_light)) * fum_length(to_camera), *color = lamp->color;
+    const float sends = around != NULL ? around->total[lamp->channel] : fum_emitter_irradiance(lamp, &sample, at);
+    const double strength = (double)(sends * (color[0] + color[1] + color[2]));
     const double cosine = lengths > 0.0F ? (double)(fum_dot(to_light, to_camera) / lengths) : 1.0;
     const double shade = fum_dust_shade((double)octree->optical_depths[i], cosine);
     shaded += strength * (is_blocked ? shade : 1.0);
@@ -108,9 +113,9 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
 #pragma omp parallel num_threads(fum_thread_count(context))
   {
     fum_tile_scratch scratch = {0};
-    const size_t lights = (size_t)(job->lattice->light_count > 0 ? job->lattice->light_count : 1);
-    scratch.held = malloc(lights * sizeof *scratch.held);
-    scratch.parts = malloc((lights + 1) * sizeof *scratch.parts);
+    const size_t lamps = (size_t)(job->lattice->lamp_count > 0 ? job->lattice->lamp_count : 1);
+    scratch.held = malloc(lamps * sizeof *scratch.held);
+    scratch.parts = malloc(((size_t)job->scene->light_count + 1) * sizeof *scratch.parts);
     if (job->deep != NULL) scratch.deep = fum_deep_tile_create();
     const bool has_deep = job->deep == NULL || scratch.deep != NULL;
     if (scratch.held == NULL || scratch.parts == NULL || !has_deep) atomic_store(&is_out_of_memory, true);

@@ -66,7 +66,13 @@ enum {
   FUM_STAGE_PASSES = 4
 };
 
-enum { FUM_LIGHT_POINT = 0, FUM_LIGHT_SPOT = 1, FUM_LIGHT_SUN = 2, FUM_LIGHT_AREA = 3 };
+enum {
+  FUM_LIGHT_POINT = 0,
+  FUM_LIGHT_SPOT = 1,
+  FUM_LIGHT_SUN = 2,
+  FUM_LIGHT_AREA = 3,
+  FUM_LIGHT_ENVIRONMENT = 4 /**< shines from all around: a colour, or a picture of the surroundings */
+};
 
 enum { FUM_AREA_RECTANGLE = 0, FUM_AREA_ELLIPSE = 1 };
 
@@ -251,6 +257,8 @@ FUM_API int32_t fum_scene_add_mesh(fum_scene *scene, const fum_mesh_desc *desc);
 /**
  * A light in physical units, so that each host's own watts are converted where that host is known.
  * Point, spot and area lights stand at the matrix's translation; spot, sun and area lights shine along its local -Z.
+ * An environment's picture is equirectangular, as Blender's: its middle is seen along local X, the middle of its left
+ * half along local Y, its uppermost row around local Z.
  */
 typedef struct fum_light_desc {
   uint32_t struct_size;
@@ -259,7 +267,8 @@ typedef struct fum_light_desc {
   double world_from_light[16]; /**< default identity; rotation and translation are used, and for a spot the scale too:
                                     its cone is that of the direction in local space */
   float intensity[3];          /**< point, spot: radiant intensity, W/sr. sun: irradiance on a plane facing it, W/m^2.
-                                    area: radiance, W/(m^2 sr). At least 0; default 1 */
+                                    area, environment: radiance, W/(m^2 sr); a picture is multiplied by it. At least 0;
+                                    default 1 */
   float radius;                /**< point, spot: radius of the disc that faces the receiver, m; default 0 */
   float sun_angle;             /**< sun: full angle of its disc, 0..pi; default 0 */
   float spot_angle;            /**< spot: full angle of the cone, above 0 and at most pi; default pi/4 */
@@ -271,6 +280,9 @@ typedef struct fum_light_desc {
   int32_t casts_shadows;       /**< 0: neither solids nor smoke block it; default 1 */
   uint64_t light_sets;         /**< bit s: it shines on particles and meshes whose light_set is s; default all */
   uint64_t shadow_sets;        /**< bit s: particles and meshes whose shadow_set is s block it; default all */
+  const float *environment_pixels; /**< environment: [height][width][3] linear RGB, finite and at least 0, first row at
+                                        the bottom; NULL (default): white all around */
+  int32_t environment_width, environment_height; /**< 1..16384 each, of environment_pixels */
 } fum_light_desc;
 
 FUM_API void fum_light_desc_init(fum_light_desc *desc);
@@ -288,7 +300,9 @@ typedef struct fum_settings {
   int32_t device;               /**< FUM_DEVICE_; default auto */
   int32_t leaf_size;            /**< an octree cell is subdivided above this many particles, 1..4096 */
   int32_t light_samples;        /**< most sample points of a soft light, 1..1024; default 16. Lights that look small
-                                     from all the smoke take fewer */
+                                     from all the smoke take fewer; an environment takes three times as many
+                                     directions, with a picture four times, at most 1024, and fewer where that has fewer
+                                     pixels that shine */
   float tolerance;              /**< relative error that cut-offs may cause in the picture, 1e-4..0.5; default 0.01.
                                      Exactly solved, transmittance to a light is kept within a tenth of it. That particles are lit at
                                      their centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */

@@ -36,7 +36,7 @@ static double steepest_phase(const fum_scene *scene) {
 }
 
 bool fum_centres_suffice(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                         const fum_lamp *lamps, const fum_solids *solids, float tolerance) {
+                         const fum_lamps *lamps, const fum_solids *solids, float tolerance) {
   const double per_angle = 0.25, allowed = 0.5 * (double)tolerance, sigma = largest_sigma(octree),
                phase = steepest_phase(scene);
   const double *m = view->local_from_camera;
@@ -44,9 +44,9 @@ bool fum_centres_suffice(const fum_scene *scene, const fum_octree *octree, const
   if (phase > 0.0 && view->type == FUM_CAMERA_PERSPECTIVE &&
       per_angle * phase * angle_over(sigma, distance_to_box(octree, (double[3]){m[3], m[7], m[11]})) > allowed)
     return false;
-  for (int32_t l = 0; l < scene->light_count; l++) {
-    const fum_lamp *lamp = &lamps[l];
-    if (lamp->desc.type == FUM_LIGHT_SUN || !lamp->lights_smoke) continue;
+  for (int32_t l = 0; l < lamps->count; l++) {
+    const fum_lamp *lamp = &lamps->items[l];
+    if (lamp->desc.type == FUM_LIGHT_SUN || lamp->environment != NULL || !lamp->lights_smoke) continue;
     if (lamp->desc.type != FUM_LIGHT_POINT) return false;
     const double at[3] = {(double)lamp->position.x, (double)lamp->position.y, (double)lamp->position.z};
     /* Strength falls with the square of the distance. Seen across a particle that is far from its neighbours, a quarter

@@ -3,7 +3,7 @@
 #ifndef FUM_LIGHTING_CENTRES_H
 #define FUM_LIGHTING_CENTRES_H
 
-#include "lighting/emitter.h"
+#include "lighting/lamps.h"
 #include "lighting/slabs.h"
 #include "solid/solid.h"
 
@@ -11,6 +11,6 @@
  * particle: transmittance by its thickness, a lamp's strength and the phase function by its size against distances.
  * Says no where it can't tell: solids, cones and panels have edges. */
 bool fum_centres_suffice(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                         const fum_lamp *lamps, const fum_solids *solids, float tolerance);
+                         const fum_lamps *lamps, const fum_solids *solids, float tolerance);
 
 #endif

@@ -44,6 +44,7 @@ void fum_lamp_init(const fum_light_desc *desc, const double origin[3], const flo
                    fum_lamp *out_lamp) {
   *out_lamp = (fum_lamp){.desc = *desc};
   memcpy(out_lamp->origin, origin, sizeof out_lamp->origin);
+  memcpy(out_lamp->color, desc->intensity, sizeof out_lamp->color);
   const double *m = desc->world_from_light;
   out_lamp->position = to_float((double[3]){m[3] - origin[0], m[7] - origin[1], m[11] - origin[2]});
   double axis[3];
@@ -107,7 +108,10 @@ fum_emitter fum_lamp_sample(const fum_lamp *lamp, int32_t index) {
   const int32_t count = lamp->sample_count;
   fum_emitter emitter = {.position = lamp->position};
   float uv[2];
-  if (d->type == FUM_LIGHT_SUN) {
+  if (d->type == FUM_LIGHT_ENVIRONMENT) {
+    emitter.is_directional = true;
+    emitter.direction = lamp->environment->parts[index].direction;
+  } else if (d->type == FUM_LIGHT_SUN) {
     disc_point(index, count, uv);
     const float radius = tanf(0.5F * fminf(d->sun_angle, 3.0F));
     emitter.is_directional = true;

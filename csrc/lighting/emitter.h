@@ -3,8 +3,7 @@
 #ifndef FUM_LIGHTING_EMITTER_H
 #define FUM_LIGHTING_EMITTER_H
 
-#include "base/vector.h"
-#include "scene/scene.h"
+#include "lighting/environment.h"
 
 /* A sample of a light: a point in local space, or a direction for a sun. */
 typedef struct fum_emitter {
@@ -13,15 +12,20 @@ typedef struct fum_emitter {
   fum_vec3 direction; /* unit, towards the light; of a directional one */
 } fum_emitter;
 
-/* A light in local space. */
+/* A light in local space; of an environment what shines in one channel on particles of one anisotropy, or one part. */
 typedef struct fum_lamp {
   fum_light_desc desc;
+  int32_t index, light;     /* in the list of lamps, of the scene's light */
+  float color[3];           /* what factors are multiplied with */
   double origin[3];         /* world position of local zero */
   fum_vec3 position;        /* local space */
   fum_vec3 right, up, back; /* unit axes of the light */
   fum_vec3 spot_rows[3];    /* the spot's own coordinates of a direction, scale included */
   int32_t sample_count;
-  bool lights_smoke; /* shines on any that the camera sees; set by fum_lamps_find */
+  bool lights_smoke;                  /* shines on any that the camera sees; set by fum_lamps_find */
+  const fum_environment *environment; /* borrowed: samples are its parts; NULL: another light */
+  int32_t channel;                    /* whose irradiances the parts are weighted with */
+  float anisotropy;                   /* of the particles that an environment's lamp is for */
 } fum_lamp;
 
 /* `bounds` is the box of all receivers, lower then upper, in local space: a soft light that looks small from everywhere

@@ -212,3 +212,108 @@ done:
   fum_free(context, &s.sent);
   return status;
 }
+
+/* Unit direction to the viewer; none where nobody knows it, for smoke that scatters evenly doesn't ask. */
+static fum_vec3 viewer_of(const fum_gathering *g, fum_vec3 point) {
+  return g->viewpoint != NULL ? fum_direction_to_viewer(g->viewpoint, point) : (fum_vec3){0};
+}
+
+/* An environment's lamps on their way, and their sums. */
+typedef struct around {
+  const fum_lamp *lamps;
+  int32_t lamp_count;
+  fum_sky_peak *peaks; /* [lamp_count][count] */
+  float *arriving,
+      *unblocked; /* [lamp_count][count] past smoke, past smoke and solids; the latter NULL: not asked for */
+} around;
+
+static void find_peaks(const fum_gathering *g, const around *a) {
+  const fum_octree *octree = g->receivers->octree;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < octree->count; i++) {
+    const fum_vec3 to_viewer = viewer_of(g, (fum_vec3){octree->x[i], octree->y[i], octree->z[i]});
+    for (int32_t l = 0; l < a->lamp_count; l++) {
+      const fum_lamp *lamp = &a->lamps[l];
+      a->peaks[l * octree->count + i] =
+          fum_environment_peak(lamp->environment, lamp->channel, lamp->anisotropy, to_viewer);
+    }
+  }
+}
+
+/* Adds part `part` of the surroundings, which comes through `found`. */
+static void add_part(const fum_gathering *g, const around *a, int32_t part, const float *found) {
+  const float dark = 20.0F; /* optical depth past which it doesn't matter what solids do */
+  const fum_octree *octree = g->receivers->octree;
+  const fum_environment *e = a->lamps->environment;
+  const fum_vec3 direction = e->parts[part].direction;
+  const bool needs_rays = a->unblocked != NULL && a->lamps->desc.casts_shadows != 0;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
+  for (int64_t i = 0; i < octree->count; i++) {
+    if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
+    const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]}, to_viewer = viewer_of(g, point);
+    const float passing = expf(-fminf(found[i], 40.0F));
+    const bool is_blocked = needs_rays && found[i] < dark &&
+                            fum_solids_occlude(g->solids, a->lamps->desc.shadow_sets, point, direction, INFINITY);
+    for (int32_t l = 0; l < a->lamp_count; l++) {
+      const int64_t at = l * octree->count + i;
+      const fum_lamp *lamp = &a->lamps[l];
+      const float weight = fum_sky_weight(e, part, lamp->channel, lamp->anisotropy, to_viewer, &a->peaks[at]);
+      a->arriving[at] += weight * passing;
+      if (a->unblocked != NULL && !is_blocked) a->unblocked[at] += weight * passing;
+    }
+  }
+}
+
+/* Turns what arrives into means, as optical depth and as the share that solids let through. */
+static void average_around(const fum_gathering *g, const around *a, int32_t index) {
+  const fum_octree *octree = g->receivers->octree;
+  const fum_lamp *lamp = &a->lamps[index];
+  const fum_environment *e = lamp->environment;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < octree->count; i++) {
+    const int64_t at = index * octree->count + i;
+    const fum_vec3 to_viewer = viewer_of(g, (fum_vec3){octree->x[i], octree->y[i], octree->z[i]});
+    float sent = 0.0F;
+    for (int32_t part = 0; part < e->count; part++)
+      sent += fum_sky_weight(e, part, lamp->channel, lamp->anisotropy, to_viewer, &a->peaks[at]);
+    const float arriving = fmaxf(a->arriving[at], 1e-18F * sent);
+    if (a->unblocked != NULL) {
+      const float share = fminf(fmaxf(a->unblocked[at] / arriving, 0.0F), 1.0F);
+      a->unblocked[at] = 1.0F - g->solid_shadow_intensity * (1.0F - share);
+    }
+    a->arriving[at] = fmaxf(0.0F, -logf(arriving / sent));
+  }
+}
+
+int32_t fum_gather_around(const fum_gathering *g, const fum_lamp *lamps, int32_t lamp_count, const float progress[2],
+                          float *out_depths, float *out_visible) {
+  fum_context *context = g->context;
+  const int64_t count = g->receivers->octree->count;
+  const float step = (progress[1] - progress[0]) / (float)lamps->sample_count;
+  around a = {lamps, lamp_count, NULL, out_depths, out_visible};
+  float *found = NULL;
+  uint8_t *is_lit = NULL;
+  int32_t status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *found, "lighting", &found);
+  if (status == FUM_OK) status = fum_alloc(context, lamp_count * count, sizeof *a.peaks, "lighting", &a.peaks);
+  if (status != FUM_OK) goto done;
+  find_peaks(g, &a);
+  memset(is_lit, 1, (size_t)count * sizeof *is_lit);
+  memset(out_depths, 0, (size_t)(lamp_count * count) * sizeof *out_depths);
+  if (out_visible != NULL) memset(out_visible, 0, (size_t)(lamp_count * count) * sizeof *out_visible);
+  for (int32_t part = 0; part < lamps->sample_count; part++) {
+    const float from = progress[0] + step * (float)part;
+    const fum_emitter emitter = fum_lamp_sample(lamps, part);
+    status = find_depths(g, lamps, &emitter, is_lit, (float[2]){from, from + step}, found);
+    if (status == FUM_OK) add_part(g, &a, part, found);
+    if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");
+    if (status != FUM_OK) goto done;
+  }
+  for (int32_t l = 0; l < lamp_count; l++)
+    average_around(g, &a, l);
+done:
+  fum_free(context, &a.peaks);
+  fum_free(context, &is_lit);
+  fum_free(context, &found);
+  return status;
+}

@@ -32,7 +32,7 @@ typedef struct fum_gathering {
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */
   const fum_receivers *receivers;
-  const fum_viewpoint *viewpoint; /* of receivers that are particles; NULL: points */
+  const fum_viewpoint *viewpoint; /* that particles, and light from all around, are seen from; NULL: points */
   fum_response_fn response;       /* NULL: the light's samples count alike whatever they send; out is a transmittance */
   const void *response_user;
   fum_listen_fn listen; /* of fum_gather_light; NULL: nobody */
@@ -54,5 +54,10 @@ int32_t fum_gather_on_surfaces(const fum_gathering *gathering, const fum_lamp *l
  */
 int32_t fum_gather_depths(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
                           float *out_depths, float *out_visible);
+
+/* The same of an environment's lamps, `lamp_count` from `lamps` on, out_depths [lamp_count][count] and out_visible
+ * alike. Samples are weighted with what smoke of the lamp's anisotropy scatters of them towards the viewpoint. */
+int32_t fum_gather_around(const fum_gathering *gathering, const fum_lamp *lamps, int32_t lamp_count,
+                          const float progress[2], float *out_depths, float *out_visible);
 
 #endif

@@ -105,33 +105,44 @@ static void place_samples(fum_context *context, const fum_view *view, const fum_
   }
 }
 
+/* Keeps what was found of a lamp at the points. */
+static void keep_values(fum_context *context, const fum_octree *points, const fum_lamp *lamp, const float *depths,
+                        const float *visible, fum_lattice *lattice) {
+  const int64_t base_index = lamp->index * lattice->sample_count;
+  const bool is_per_metre = fum_lattice_is_per_metre(lamp);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < points->count; i++) {
+    const int64_t at = base_index + lattice->samples[points->indices[i]];
+    const fum_vec3 point = {points->x[i], points->y[i], points->z[i]};
+    const float distance = is_per_metre ? fum_length(fum_sub(lamp->position, point)) : 1.0F;
+    lattice->depths[at] = fum_min(depths[i], OPAQUE) / fum_max(distance, 1e-20F);
+    if (visible != NULL) lattice->visible[at] = visible[i];
+  }
+}
+
 /* `points` are the samples, `receivers` made of them. */
-static int32_t light_points(const fum_gathering *g, const fum_octree *points, const fum_lamp *lamps,
+static int32_t light_points(const fum_gathering *g, const fum_octree *points, const fum_lamps *lamps,
                             fum_lattice *lattice) {
   fum_context *context = g->context;
+  const int64_t count = points->count;
   float *depths = NULL, *visible = NULL;
-  int32_t total = 0, done_samples = 0;
-  for (int32_t l = 0; l < lattice->light_count; l++)
-    total += lamps[l].sample_count;
-  int32_t status = fum_alloc(context, points->count, sizeof *depths, "lattice of light", &depths);
+  const float total = (float)fum_lamps_sample_count(lamps);
+  const int32_t most_alike = fum_lamps_most_alike(lamps);
+  int32_t done_samples = 0;
+  int32_t status = fum_alloc(context, most_alike * count, sizeof *depths, "lattice of light", &depths);
   if (status == FUM_OK && lattice->visible != NULL)
-    status = fum_alloc(context, points->count, sizeof *visible, "lattice of light", &visible);
-  for (int32_t l = 0; l < lattice->light_count && status == FUM_OK; l++) {
-    const float from = (float)done_samples / (float)total;
-    done_samples += lamps[l].sample_count;
-    if (!lamps[l].lights_smoke) continue;
-    status = fum_gather_depths(g, &lamps[l], (float[2]){from, (float)done_samples / (float)total}, depths, visible);
-    if (status != FUM_OK) break;
-    const int64_t base_index = l * lattice->sample_count;
-    const bool is_per_metre = fum_lattice_is_per_metre(&lamps[l]);
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-    for (int64_t i = 0; i < points->count; i++) {
-      const int64_t at = base_index + lattice->samples[points->indices[i]];
-      const fum_vec3 point = {points->x[i], points->y[i], points->z[i]};
-      const float distance = is_per_metre ? fum_length(fum_sub(lamps[l].position, point)) : 1.0F;
-      lattice->depths[at] = fum_min(depths[i], OPAQUE) / fum_max(distance, 1e-20F);
-      if (visible != NULL) lattice->visible[at] = visible[i];
-    }
+    status = fum_alloc(context, most_alike * count, sizeof *visible, "lattice of light", &visible);
+  for (int32_t l = 0, alike; l < lamps->count && status == FUM_OK; l += alike) {
+    const fum_lamp *lamp = &lamps->items[l];
+    const float from = (float)done_samples / total;
+    done_samples += lamp->sample_count;
+    const float progress[2] = {from, (float)done_samples / total};
+    alike = fum_lamps_alike(lamps, l);
+    if (!lamp->lights_smoke) continue;
+    status = lamp->environment != NULL ? fum_gather_around(g, lamp, alike, progress, depths, visible)
+                                       : fum_gather_depths(g, lamp, progress, depths, visible);
+    for (int32_t k = 0; k < alike && status == FUM_OK; k++)
+      keep_values(context, points, &lamp[k], depths + k * count, visible != NULL ? visible + k * count : NULL, lattice);
   }
   fum_free(context, &visible);
   fum_free(context, &depths);
@@ -139,7 +150,7 @@ static int32_t light_points(const fum_gathering *g, const fum_octree *points, co
 }
 
 static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
-  const int64_t values = lattice->sample_count * lattice->light_count;
+  const int64_t values = lattice->sample_count * lattice->lamp_count;
   int32_t status = fum_alloc(g->context, values, sizeof *lattice->depths, "lattice of light", &lattice->depths);
   if (status != FUM_OK) return status;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
@@ -151,14 +162,14 @@ static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
 }
 
 int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
-                          int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice) {
+                          const fum_lamps *lamps, fum_lattice *lattice) {
   fum_context *context = gathering->context;
   const double *origin = gathering->media->items[0].octree->origin;
   fum_gathering g = *gathering;
   fum_receivers receivers = {0};
   fum_octree *points = NULL;
   float *positions = NULL;
-  lattice->light_count = light_count;
+  lattice->lamp_count = lamps->count;
   int32_t status = allocate_values(&g, lattice);
   if (status == FUM_OK)
     status = fum_alloc(context, lattice->lit_count, 3 * sizeof *positions, "lattice of light", &positions);

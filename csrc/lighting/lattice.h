@@ -9,14 +9,15 @@
 
 #include "lighting/gather.h"
 #include "lighting/hidden.h"
+#include "lighting/lamps.h"
 
 typedef struct fum_lattice {
-  int32_t face_count, light_count;
+  int32_t face_count, lamp_count;
   fum_lattice_face *faces; /* [face_count] */
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
   uint32_t *samples; /* [lit_count] those that are lit */
-  float *depths; /* NULL before they are lit. [light_count][sample_count] optical depth to the light, or that per metre;
+  float *depths; /* NULL before they are lit. [lamp_count][sample_count] optical depth to the light, or that per metre;
                     NaN where it isn't lit */
   fum_hidden hidden;
   float *visible; /* the same: share of the light that solids let through; NULL without solids */
@@ -34,7 +35,7 @@ int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const 
 
 /* Lights the samples of a lattice that was placed. `gathering` comes without receivers. */
 int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, const fum_slabs *slabs,
-                          int32_t light_count, const fum_lamp *lamps, fum_lattice *lattice);
+                          const fum_lamps *lamps, fum_lattice *lattice);
 /* Forgets the light, not the samples. */
 void fum_lattice_forget(fum_context *context, fum_lattice *lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);

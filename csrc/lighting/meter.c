@@ -24,11 +24,11 @@ static int64_t choose(int64_t n, int64_t part_count, int64_t count) {
 
 static int32_t begin(fum_context *context, const fum_meter_options *options, int64_t count, fum_meter *meter) {
   *meter = (fum_meter){.context = context,
-                       .lamp_count = options->lamp_count,
                        .lamps = options->lamps,
+                       .viewpoint = options->viewpoint,
                        .media = options->media,
                        .dark = fum_truth_dark(options->error)};
-  const int64_t values = count * options->lamp_count;
+  const int64_t values = count * options->lamps->count;
   const int32_t media = options->media->count;
   int32_t status = fum_alloc(context, media, sizeof *meter->truths, "meter", &meter->truths);
   for (int32_t k = 0; k < media && status == FUM_OK; k++) {
@@ -192,35 +192,75 @@ static int32_t find_points(fum_meter *meter, search *s) {
   return status;
 }
 
+/* An environment has many samples: it is compared at some of the points only. */
+static bool is_asked(const fum_lamp *lamp, int64_t n) {
+  enum { USUAL_SAMPLES = 16 };
+  const int32_t samples = lamp->environment != NULL ? lamp->environment->count : 1;
+  return n % ((samples + USUAL_SAMPLES - 1) / USUAL_SAMPLES) == 0;
+}
+
+static double exact_transmittance(const fum_meter *meter, const fum_lamp *lamp, const fum_emitter *sample, int64_t n) {
+  const fum_truth *truth = &meter->truths[fum_media_find(meter->media, lamp)];
+  if (lamp->desc.casts_shadows == 0) return 1.0;
+  return exp(-fum_truth_depth(truth, meter->points[n].position, sample, meter->dark));
+}
+
+static fum_vec3 place_of(const fum_meter *meter, int64_t n) {
+  const double *p = meter->points[n].position;
+  return (fum_vec3){(float)p[0], (float)p[1], (float)p[2]};
+}
+
 /* Adds a sample of a light at one point; NULL: nothing else than the truth is known. */
 static void add_sample(fum_meter *meter, const fum_lamp *lamp, const fum_emitter *sample, int64_t n,
                        const float *found_depth) {
-  const fum_meter_point *point = &meter->points[n];
-  const fum_vec3 place = {(float)point->position[0], (float)point->position[1], (float)point->position[2]};
-  const double sent = (double)fum_emitter_irradiance(lamp, sample, place);
-  const int64_t i = (lamp - meter->lamps) * meter->count + n;
-  if (!(sent > 0.0) || !fum_has_set(lamp->desc.light_sets, point->light_set)) return;
+  const double sent = (double)fum_emitter_irradiance(lamp, sample, place_of(meter, n));
+  const int64_t i = lamp->index * meter->count + n;
+  if (!(sent > 0.0) || !fum_has_set(lamp->desc.light_sets, meter->points[n].light_set)) return;
   meter->sent[i] += sent;
-  const bool casts_shadows = lamp->desc.casts_shadows != 0;
-  const fum_truth *truth = &meter->truths[fum_media_find(meter->media, lamp)];
-  const double depth = casts_shadows ? fum_truth_depth(truth, point->position, sample, meter->dark) : 0.0;
-  meter->exact[i] += sent * exp(-depth);
+  meter->exact[i] += sent * exact_transmittance(meter, lamp, sample, n);
   if (found_depth != NULL) meter->found[i] += sent * exp(-(double)*found_depth);
+}
+
+/* Adds a part of an environment at one point, to all of its lamps. */
+static void add_part(fum_meter *meter, const fum_lamp *lamps, int32_t lamp_count, int32_t part, int64_t n) {
+  const fum_vec3 to_viewer = fum_direction_to_viewer(&meter->viewpoint, place_of(meter, n));
+  const fum_emitter sample = fum_lamp_sample(lamps, part);
+  const double passing = exact_transmittance(meter, lamps, &sample, n);
+  for (int32_t l = 0; l < lamp_count; l++) {
+    const fum_environment *e = lamps->environment;
+    const fum_sky_peak peak = fum_environment_peak(e, lamps[l].channel, lamps[l].anisotropy, to_viewer);
+    const double sent = (double)fum_sky_weight(e, part, lamps[l].channel, lamps[l].anisotropy, to_viewer, &peak);
+    const int64_t i = lamps[l].index * meter->count + n;
+    meter->sent[i] += sent;
+    meter->exact[i] += sent * passing;
+  }
+}
+
+/* Adds all samples of lamps that look the same ways at one point. */
+static void add_lamps(fum_meter *meter, const fum_lamp *lamps, int32_t alike, int64_t n) {
+  if (is_black(lamps) || !fum_has_set(lamps->desc.light_sets, meter->points[n].light_set)) return;
+  for (int32_t s = 0; s < lamps->sample_count; s++) {
+    if (fum_progress_in_loop(meter->context, s, 16)) return;
+    if (lamps->environment != NULL) {
+      add_part(meter, lamps, alike, s, n);
+    } else {
+      const fum_emitter sample = fum_lamp_sample(lamps, s);
+      add_sample(meter, lamps, &sample, n, NULL);
+    }
+  }
 }
 
 int32_t fum_meter_find_exact(fum_meter *meter) {
   const double start_s = fum_now_s();
-  const size_t bytes = (size_t)(meter->count * meter->lamp_count) * sizeof *meter->exact;
+  const fum_lamps *lamps = meter->lamps;
+  const size_t bytes = (size_t)(meter->count * lamps->count) * sizeof *meter->exact;
   memset(meter->exact, 0, bytes);
   memset(meter->sent, 0, bytes);
 #pragma omp parallel for num_threads(fum_thread_count(meter->context)) schedule(dynamic, 8)
   for (int64_t n = 0; n < meter->count; n++) {
-    for (int32_t l = 0; l < meter->lamp_count; l++) {
-      for (int32_t s = 0; s < meter->lamps[l].sample_count && !is_black(&meter->lamps[l]); s++) {
-        if (fum_progress_in_loop(meter->context, s, 16)) break;
-        const fum_emitter sample = fum_lamp_sample(&meter->lamps[l], s);
-        add_sample(meter, &meter->lamps[l], &sample, n, NULL);
-      }
+    for (int32_t l = 0, alike; l < lamps->count; l += alike) {
+      alike = fum_lamps_alike(lamps, l);
+      if (is_asked(&lamps->items[l], n)) add_lamps(meter, &lamps->items[l], alike, n);
     }
   }
   meter->seconds += fum_now_s() - start_s;
@@ -270,7 +310,7 @@ void fum_meter_listen(void *user, const fum_lamp *lamp, const fum_emitter *sampl
 #pragma omp parallel for num_threads(fum_thread_count(meter->context)) schedule(dynamic, 8)
   for (int64_t n = 0; n < meter->count; n++) {
     const uint32_t i = meter->points[n].receiver;
-    if (fum_progress_in_loop(meter->context, n, 16) || !is_lit[i]) continue;
+    if (fum_progress_in_loop(meter->context, n, 16) || !is_lit[i] || !is_asked(lamp, n)) continue;
     add_sample(meter, lamp, sample, n, &depths[i]);
   }
   meter->seconds += fum_now_s() - start_s;
@@ -278,11 +318,12 @@ void fum_meter_listen(void *user, const fum_lamp *lamp, const fum_emitter *sampl
 
 void fum_meter_ask(fum_meter *meter, const fum_slabs *slabs, const fum_lattice *lattice) {
   const double start_s = fum_now_s();
-  for (int32_t l = 0; l < meter->lamp_count; l++) {
+  for (int32_t l = 0; l < meter->lamps->count; l++) {
     for (int64_t n = 0; n < meter->count; n++) {
       const int64_t i = l * meter->count + n;
       const fum_meter_point *p = &meter->points[n];
-      const double depth = fum_lattice_depth(lattice, slabs, &meter->lamps[l], l, p->window, p->range, p->position);
+      const double depth =
+          fum_lattice_depth(lattice, slabs, &meter->lamps->items[l], l, p->window, p->range, p->position);
       meter->found[i] = meter->sent[i] * exp(-depth);
     }
   }
@@ -295,7 +336,7 @@ static int compare(const void *a, const void *b) {
 }
 
 int32_t fum_meter_read(const fum_meter *meter, fum_accuracy *out_accuracy) {
-  const int64_t values = meter->count * meter->lamp_count;
+  const int64_t values = meter->count * meter->lamps->count;
   fum_accuracy a = {0};
   double *errors = NULL;
   int64_t n = 0;

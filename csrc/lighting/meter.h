@@ -24,15 +24,15 @@ typedef struct fum_meter_point {
 /* Chosen at random, the same for the same scene. */
 typedef struct fum_meter {
   fum_context *context;
-  int32_t lamp_count;
-  const fum_lamp *lamps;  /* borrowed */
+  const fum_lamps *lamps; /* borrowed */
+  fum_viewpoint viewpoint;
   const fum_media *media; /* borrowed */
   fum_truth *truths;      /* [media->count] */
   double dark;            /* optical depth at which the truth may give up */
   int64_t count;
   fum_meter_point *points; /* [count] */
-  double *exact, *found;   /* [lamp_count][count] what arrives past smoke... */
-  double *sent;            /* ...of this; 0 where the light doesn't shine */
+  double *exact, *found;   /* [lamps->count][count] what arrives past smoke... */
+  double *sent;            /* ...of this; 0 where the light doesn't shine or isn't compared */
   double seconds;          /* that the meter has taken */
 } fum_meter;
 
@@ -41,8 +41,8 @@ typedef struct fum_meter_options {
   const fum_scene *scene;
   const fum_octree *octree; /* of the particles that points are chosen at */
   const fum_media *media;
-  int32_t lamp_count;
-  const fum_lamp *lamps;
+  const fum_lamps *lamps;
+  fum_viewpoint viewpoint; /* the camera's */
   double error;
 } fum_meter_options;
 

@@ -23,6 +23,7 @@ static void invert_linear(const double m[16], double out[3][3]) {
 
 static bool has_size(const fum_light_desc *d) {
   if (d->type == FUM_LIGHT_SUN) return d->sun_angle > 0.0F;
+  if (d->type == FUM_LIGHT_ENVIRONMENT) return true;
   if (d->type == FUM_LIGHT_AREA) return d->area_size[0] > 0.0F || d->area_size[1] > 0.0F;
   return d->radius > 0.0F;
 }
@@ -86,7 +87,7 @@ static void visit_sun(const fum_reference_lamp *lamp, fum_shine_fn visit, void *
     patch_sample(k / lamp->side, k % lamp->side, lamp->side, uv);
     square_to_disc(uv[0], uv[1], disc);
     const double length = sqrt(1.0 + radius * radius * (disc[0] * disc[0] + disc[1] * disc[1]));
-    fum_shine shine = {.distance = INFINITY, .strength = share / mean_cosine};
+    fum_shine shine = {.distance = INFINITY, .strength = share / mean_cosine, .tint = {1.0, 1.0, 1.0}};
     for (int axis = 0; axis < 3; axis++) {
       const double across = lamp->right[axis] * disc[0] + lamp->up[axis] * disc[1];
       shine.direction[axis] = (lamp->back[axis] + radius * across) / length;
@@ -132,7 +133,7 @@ static void visit_disc(const fum_reference_lamp *lamp, const double point[3], fu
     const double squared = disc[0] * disc[0] + disc[1] * disc[1];
     const double cosine = 1.0 - squared * one_minus_cosine;
     const double across = sqrt(one_minus_cosine * (1.0 + cosine));
-    fum_shine shine = {.distance = distance / cosine, .strength = strength};
+    fum_shine shine = {.distance = distance / cosine, .strength = strength, .tint = {1.0, 1.0, 1.0}};
     double away[3];
     for (int axis = 0; axis < 3; axis++) {
       shine.direction[axis] = w[axis] * cosine + across * (u[axis] * disc[0] + v[axis] * disc[1]);
@@ -180,7 +181,7 @@ static void visit_patch(const area_view *a, double u0, double v0, double u, doub
     }
     return;
   }
-  fum_shine shine = {.distance = distance};
+  fum_shine shine = {.distance = distance, .tint = {1.0, 1.0, 1.0}};
   for (int axis = 0; axis < 3; axis++)
     shine.direction[axis] = way[axis] / distance;
   const double cosine = dot(shine.direction, lamp->back); /* of the way back, to the light's -Z */
@@ -204,6 +205,87 @@ static void visit_area(const fum_reference_lamp *lamp, const double point[3], fu
   }
 }
 
+/* Turns a direction of the lamp's own into one of the world. */
+static void turn(const fum_reference_lamp *lamp, const double own[3], double out[3]) {
+  for (int row = 0; row < 3; row++)
+    out[row] = lamp->right[row] * own[0] + lamp->up[row] * own[1] + lamp->back[row] * own[2];
+}
+
+/* White all around: patches of the same solid angle. */
+static void divide_sphere(fum_reference_lamp *lamp) {
+  for (int32_t k = 0; k < lamp->sky_count; k++) {
+    fum_shine *shine = &lamp->sky[k];
+    double uv[2];
+    patch_sample(k / lamp->side, k % lamp->side, lamp->side, uv);
+    const double z = 2.0 * uv[0] - 1.0, across = sqrt(1.0 - z * z), angle = 2.0 * FUM_PI * uv[1];
+    *shine =
+        (fum_shine){.distance = INFINITY, .strength = 4.0 * FUM_PI / (double)lamp->sky_count, .tint = {1.0, 1.0, 1.0}};
+    turn(lamp, (double[3]){across * cos(angle), across * sin(angle), z}, shine->direction);
+  }
+}
+
+/* Adds a pixel to a patch's shine: its direction is a sum yet. */
+static void add_pixel(const fum_light_desc *d, int32_t x, int32_t y, fum_shine *shine) {
+  const float *rgb = d->environment_pixels + 3 * ((int64_t)y * d->environment_width + x);
+  const double low = FUM_PI * ((double)y / d->environment_height - 0.5);
+  const double high = FUM_PI * ((double)(y + 1) / d->environment_height - 0.5);
+  const double angle = 2.0 * FUM_PI / d->environment_width * (sin(high) - sin(low)), elevation = 0.5 * (low + high);
+  const double azimuth = FUM_PI - 2.0 * FUM_PI * (x + 0.5) / d->environment_width;
+  double weight = 0.0;
+  for (int c = 0; c < 3; c++) {
+    shine->tint[c] += angle * (double)rgb[c];
+    weight += angle * (double)rgb[c] * (double)d->intensity[c];
+  }
+  shine->direction[0] += weight * cos(elevation) * cos(azimuth);
+  shine->direction[1] += weight * cos(elevation) * sin(azimuth);
+  shine->direction[2] += weight * sin(elevation);
+}
+
+/* Blocks of a picture's pixels; those that shine are kept. */
+static void divide_picture(int32_t columns, int32_t rows, fum_reference_lamp *lamp) {
+  const fum_light_desc *d = lamp->desc;
+  int32_t count = 0;
+  for (int32_t block = 0; block < columns * rows; block++) {
+    const int64_t column = block % columns, row = block / columns;
+    fum_shine shine = {.distance = INFINITY, .strength = 1.0};
+    const int32_t x1 = (int32_t)((column + 1) * d->environment_width / columns);
+    const int32_t y1 = (int32_t)((row + 1) * d->environment_height / rows);
+    for (int32_t y = (int32_t)(row * d->environment_height / rows); y < y1; y++) {
+      for (int32_t x = (int32_t)(column * d->environment_width / columns); x < x1; x++)
+        add_pixel(d, x, y, &shine);
+    }
+    const double length = sqrt(dot(shine.direction, shine.direction));
+    if (!(shine.tint[0] + shine.tint[1] + shine.tint[2] > 0.0)) continue;
+    double own[3] = {0.0, 0.0, 1.0}; /* of a block that shines evenly from all around */
+    for (int axis = 0; axis < 3 && length > 0.0; axis++)
+      own[axis] = shine.direction[axis] / length;
+    turn(lamp, own, shine.direction);
+    lamp->sky[count++] = shine;
+  }
+  lamp->sky_count = count;
+}
+
+int32_t fum_reference_sky_find(fum_context *context, fum_reference_lamp *lamp) {
+  const fum_light_desc *d = lamp->desc;
+  if (d->type != FUM_LIGHT_ENVIRONMENT) return FUM_OK;
+  const bool has_picture = d->environment_pixels != NULL;
+  const int32_t columns = has_picture && d->environment_width < lamp->side ? d->environment_width : lamp->side;
+  const int32_t rows = has_picture && d->environment_height < lamp->side ? d->environment_height : lamp->side;
+  const int32_t status = fum_alloc(context, columns * rows, sizeof *lamp->sky, "reference", &lamp->sky);
+  if (status != FUM_OK) return status;
+  lamp->sky_count = columns * rows;
+  if (has_picture) {
+    divide_picture(columns, rows, lamp);
+  } else {
+    divide_sphere(lamp);
+  }
+  return FUM_OK;
+}
+
+int32_t fum_reference_lamp_samples(const fum_reference_lamp *lamp) {
+  return lamp->desc->type == FUM_LIGHT_ENVIRONMENT ? lamp->sky_count : lamp->side * lamp->side;
+}
+
 void fum_reference_lamp_visit(const fum_reference_lamp *lamp, const double point[3], fum_shine_fn visit, void *user) {
   switch (lamp->desc->type) {
   case FUM_LIGHT_SUN:
@@ -211,6 +293,10 @@ void fum_reference_lamp_visit(const fum_reference_lamp *lamp, const double point
     break;
   case FUM_LIGHT_AREA:
     visit_area(lamp, point, visit, user);
+    break;
+  case FUM_LIGHT_ENVIRONMENT:
+    for (int32_t k = 0; k < lamp->sky_count; k++)
+      visit(user, &lamp->sky[k]);
     break;
   default:
     visit_disc(lamp, point, visit, user);
@@ -237,7 +323,7 @@ static int cone_breaks(const fum_reference_lamp *lamp, const double to_light[3],
 
 int fum_reference_lamp_breaks(const fum_reference_lamp *lamp, const double start[3], const double direction[3],
                               double out_breaks[FUM_LAMP_BREAKS]) {
-  if (lamp->desc->type == FUM_LIGHT_SUN) return 0;
+  if (lamp->desc->type == FUM_LIGHT_SUN || lamp->desc->type == FUM_LIGHT_ENVIRONMENT) return 0;
   const double d[3] = {lamp->position[0] - start[0], lamp->position[1] - start[1], lamp->position[2] - start[2]};
   int count = 0;
   out_breaks[count++] = dot(d, direction);

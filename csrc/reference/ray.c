@@ -97,7 +97,7 @@ static void add_shine(void *user, const fum_shine *shine) {
   if (casts_shadows) fum_smoke_depth(world->smoke, &way, s->light->shadow_sets, depths);
   const double cosine = dot(s->ray->way.direction, u);
   for (int c = 0; c < 3; c++) {
-    const double arrives = shine->strength * exp(-depths[c]) * (double)s->light->intensity[c];
+    const double arrives = shine->strength * exp(-depths[c]) * (double)s->light->intensity[c] * shine->tint[c];
     for (int32_t set = 0; set < scene->particles_count && arrives > 0.0; set++) {
       if (!fum_has_set(s->light->light_sets, scene->particles[set].light_set)) continue;
       const double factor = arrives * phase((double)scene->particles[set].anisotropy, cosine);

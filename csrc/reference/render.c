@@ -84,10 +84,11 @@ static int32_t prepare(render *r) {
   if (status != FUM_OK) return status;
   fum_scene_find_origin(r->scene);
   fum_view_place(&r->view, r->scene->origin);
-  for (int32_t i = 0; i < r->scene->light_count; i++) {
+  for (int32_t i = 0; i < r->scene->light_count && status == FUM_OK; i++) {
     r->lamps[i] = fum_reference_lamp_make(&r->scene->lights[i].desc, r->scene->origin, r->settings.light_samples);
+    status = fum_reference_sky_find(context, &r->lamps[i]);
   }
-  status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Sorting particles into cells");
+  if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Sorting particles into cells");
   if (status == FUM_OK) status = fum_solids_build(r->scene, &r->solids);
   if (status == FUM_OK) status = fum_smoke_init(r->scene, CUT_SHARE * r->settings.tolerance, &r->smoke);
   return status;
@@ -204,7 +205,7 @@ static fum_reference_stats make_stats(const render *r, double start_s) {
   fum_reference_stats stats;
   fum_reference_stats_init(&stats);
   for (int32_t i = 0; i < r->scene->light_count; i++)
-    stats.light_sample_count += r->lamps[i].side * r->lamps[i].side;
+    stats.light_sample_count += fum_reference_lamp_samples(&r->lamps[i]);
   stats.particle_count = r->scene->particle_count;
   stats.step_count = r->step_count;
   stats.unconverged_count = r->unconverged_count;
@@ -236,6 +237,8 @@ int32_t fum_reference_render(fum_scene *scene, const fum_camera *camera, const f
 done:
   fum_smoke_free(&r.smoke);
   fum_solids_destroy(r.solids);
+  for (int32_t i = 0; i < scene->light_count && r.lamps != NULL; i++)
+    fum_free(context, &r.lamps[i].sky);
   fum_free(context, &r.lamps);
   fum_free(context, &r.errors);
   fum_free(context, &r.depths);

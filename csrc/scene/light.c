@@ -50,8 +50,27 @@ static int32_t check_shape(fum_context *context, const fum_light_desc *d, const 
   return status;
 }
 
+static int32_t check_picture(fum_context *context, const fum_light_desc *d, const char *name) {
+  const int32_t most = 16384, width = d->environment_width, height = d->environment_height;
+  if (d->environment_pixels == NULL) return FUM_OK;
+  if (width < 1 || height < 1 || width > most || height > most) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: a picture of %d x %d pixels; each must be within 1..%d", name,
+                    (int)width, (int)height, (int)most);
+  }
+  for (int64_t i = 0; i < 3 * (int64_t)width * height; i++) {
+    const float value = d->environment_pixels[i];
+    if (!(value >= 0.0F && isfinite(value))) {
+      const int64_t pixel = i / 3;
+      return fum_fail(context, FUM_ERROR_ARGUMENT,
+                      "%s: the picture's pixel %lld, %lld holds %g, negative or not finite", name,
+                      (long long)(pixel % width), (long long)(pixel / width), (double)value);
+    }
+  }
+  return FUM_OK;
+}
+
 static int32_t check_desc(fum_context *context, const fum_light_desc *d, const char *name) {
-  if (d->type < FUM_LIGHT_POINT || d->type > FUM_LIGHT_AREA) {
+  if (d->type < FUM_LIGHT_POINT || d->type > FUM_LIGHT_ENVIRONMENT) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: light type %d is unknown", name, (int)d->type);
   }
   if (!fum_all_finite(d->world_from_light, 16)) {
@@ -70,7 +89,21 @@ static int32_t check_desc(fum_context *context, const fum_light_desc *d, const c
       return fum_fail(context, FUM_ERROR_ARGUMENT, "%s: the matrix has no scale along axis %d", name, column);
     }
   }
-  return check_shape(context, d, name);
+  return d->type == FUM_LIGHT_ENVIRONMENT ? check_picture(context, d, name) : check_shape(context, d, name);
+}
+
+/* A copy of an environment's picture, which `*out_pixels` owns; NULL where there is none. */
+static int32_t copy_picture(fum_context *context, const fum_light_desc *d, const char *name, float **out_pixels) {
+  *out_pixels = NULL;
+  if (d->type != FUM_LIGHT_ENVIRONMENT || d->environment_pixels == NULL) return FUM_OK;
+  const size_t bytes = 3 * sizeof(float) * (size_t)d->environment_width * (size_t)d->environment_height;
+  *out_pixels = malloc(bytes);
+  if (*out_pixels == NULL) {
+    return fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for a picture of %d x %d pixels", name,
+                    (int)d->environment_width, (int)d->environment_height);
+  }
+  memcpy(*out_pixels, d->environment_pixels, bytes);
+  return FUM_OK;
 }
 
 int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
@@ -79,17 +112,22 @@ int32_t fum_scene_add_light(fum_scene *scene, const fum_light_desc *desc) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "light: the description has no valid struct_size");
   }
   const char *name = desc->name != NULL ? desc->name : "light";
-  const int32_t status = check_desc(context, desc, name);
+  float *pixels = NULL;
+  int32_t status = check_desc(context, desc, name);
+  if (status == FUM_OK) status = copy_picture(context, desc, name, &pixels);
   if (status != FUM_OK) return status;
   fum_light *grown = realloc(scene->lights, (size_t)(scene->light_count + 1) * sizeof *grown);
   if (grown != NULL) scene->lights = grown;
   char *copy = fum_copy_string(name);
   if (grown == NULL || copy == NULL) {
     free(copy);
+    free(pixels);
     return fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for another light", name);
   }
-  scene->lights[scene->light_count] = (fum_light){.name = copy, .desc = *desc};
-  scene->lights[scene->light_count++].desc.name = NULL;
+  fum_light *light = &scene->lights[scene->light_count++];
+  *light = (fum_light){.name = copy, .desc = *desc, .pixels = pixels};
+  light->desc.name = NULL;
+  light->desc.environment_pixels = pixels;
   return FUM_OK;
 }
 
@@ -102,8 +140,10 @@ bool fum_scene_is_lit_alike(const fum_scene *scene, int32_t a, int32_t b) {
 }
 
 void fum_scene_clear_lights(fum_scene *scene) {
-  for (int32_t i = 0; i < scene->light_count; i++)
+  for (int32_t i = 0; i < scene->light_count; i++) {
     free(scene->lights[i].name);
+    free(scene->lights[i].pixels);
+  }
   free(scene->lights);
   scene->lights = NULL;
   scene->light_count = 0;

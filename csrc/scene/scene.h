@@ -39,6 +39,7 @@ typedef struct fum_mesh {
 typedef struct fum_light {
   char *name;
   fum_light_desc desc; /* name not to be used: it belongs to the caller */
+  float *pixels;       /* desc.environment_pixels, owned; or NULL */
 } fum_light;
 
 struct fum_scene {

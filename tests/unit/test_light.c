@@ -2,7 +2,7 @@
 #include "support.h"
 
 #include "lighting/emitter.h"
-#include "lighting/inscatter.h"
+#include "lighting/phase.h"
 
 static const double ORIGIN[3] = {0.0, 0.0, 0.0};
 

@@ -73,7 +73,7 @@ static void make_bed(field_fn field, bed *b) {
   static const float ranges[FACES] = {2.0F, 2.5F, 3.5F, 4.0F, 5.5F};
   *b = (bed){0};
   b->slabs = (fum_slabs){.count = SLABS, .faces = b->faces};
-  b->lattice = (fum_lattice){.face_count = FACES, .light_count = LIGHTS, .faces = b->grids, .depths = b->depths};
+  b->lattice = (fum_lattice){.face_count = FACES, .lamp_count = LIGHTS, .faces = b->grids, .depths = b->depths};
   for (int f = 0; f < FACES; f++) {
     b->faces[f].range = ranges[f];
     const float spacing = 0.2F + 0.02F * (float)f;

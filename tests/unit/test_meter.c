@@ -28,7 +28,7 @@ static setup *open_setup(const puffs *p, float tolerance) {
   assert_int_equal(fum_caches_update(t->s.scene, &t->settings), FUM_OK);
   const fum_octree *all = t->s.scene->caches->all;
   assert_int_equal(fum_lighting_begin(t->s.scene, &t->settings, all, &t->lighting), FUM_OK);
-  t->options = (fum_meter_options){t->s.scene, all, t->lighting.media, 1, t->lighting.lamps, 1e-6};
+  t->options = (fum_meter_options){t->s.scene, all, t->lighting.media, &t->lighting.lamps, {0}, 1e-6};
   fum_camera camera;
   fum_camera_init(&camera);
   camera.world_from_camera[11] = 5.0;
@@ -106,8 +106,8 @@ static void test_figures_are_those_of_the_errors(void **state) {
     squares += error * error;
     sum += error;
   }
-  const fum_emitter sample = fum_lamp_sample(t->lighting.lamps, 0);
-  fum_meter_listen(&meter, t->lighting.lamps, &sample, is_lit, depths);
+  const fum_emitter sample = fum_lamp_sample(t->lighting.lamps.items, 0);
+  fum_meter_listen(&meter, t->lighting.lamps.items, &sample, is_lit, depths);
   fum_accuracy a;
   assert_int_equal(fum_meter_read(&meter, &a), FUM_OK);
   assert_int_equal(a.count, lit);
@@ -134,7 +134,7 @@ static void test_spoiled_lattice_is_noticed(void **state) {
   const float footprint = 3.46F, tolerance = t->settings.tolerance;
   assert_int_equal(fum_slabs_find(t->s.context, all, &t->view, tolerance, 0.0F, &slabs), FUM_OK);
   assert_int_equal(fum_lattice_place(t->s.context, all, &t->view, &slabs, footprint, tolerance, &lattice), FUM_OK);
-  assert_int_equal(fum_lattice_light(&t->lighting.gathering, &t->view, &slabs, 1, t->lighting.lamps, &lattice), FUM_OK);
+  assert_int_equal(fum_lattice_light(&t->lighting.gathering, &t->view, &slabs, &t->lighting.lamps, &lattice), FUM_OK);
   const fum_meter_sight sight = {&t->view, (double)footprint, NULL, &slabs, &lattice.hidden};
   assert_non_null(lattice.hidden.depths);
   assert_int_equal(fum_meter_begin_points(t->s.context, &t->options, &sight, &meter), FUM_OK);

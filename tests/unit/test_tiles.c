@@ -136,12 +136,11 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
       .scene = scene, .octree = all, .view = &view, .slabs = &slabs, .splats = &splats, .lattice = &lattice};
   assert_int_equal(fum_tiles_find_looks(scene, classes, &job), FUM_OK);
   assert_int_equal(fum_lighting_begin(scene, &settings, all, &lighting), FUM_OK);
-  job.lamps = lighting.lamps;
+  job.lamps = &lighting.lamps;
   assert_int_equal(fum_slabs_find(context, all, &view, settings.tolerance, job.thinnest, &slabs), FUM_OK);
   assert_int_equal(fum_lattice_place(context, all, &view, &slabs, footprint_sigmas, settings.tolerance, &lattice),
                    FUM_OK);
-  assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, scene->light_count, lighting.lamps, &lattice),
-                   FUM_OK);
+  assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, &lighting.lamps, &lattice), FUM_OK);
   assert_int_equal(fum_splats_find(context, all, &view, &slabs, footprint_sigmas, job.thinnest, &splats), FUM_OK);
   draw_at_level(context, &job, FUM_CPU_PLAIN, plain);
   float brightest = 0.0F;

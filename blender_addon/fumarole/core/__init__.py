@@ -21,7 +21,7 @@
 
 Names
     Context(threads, progress)   threads, progress, cancel, warnings; scenes without one share one
-    Scene(context)               add_particles, add_mesh, add_light, clear_lights
+    Scene(context)               add_particles, add_mesh, add_light, add_world, clear_lights
     Camera(matrix, lens, ...)    also Camera.from_window(...), camera.crop(x0, y0, x1, y1)
     Settings(solver, tolerance, ...)
     render -> Result             result[name], .stats (Stats), .warnings, .deep (Deep: .counts, .samples, .write(path))

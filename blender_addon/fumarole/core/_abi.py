@@ -22,6 +22,7 @@ FUM_LIGHT_POINT = 0
 FUM_LIGHT_SPOT = 1
 FUM_LIGHT_SUN = 2
 FUM_LIGHT_AREA = 3
+FUM_LIGHT_ENVIRONMENT = 4
 FUM_AREA_RECTANGLE = 0
 FUM_AREA_ELLIPSE = 1
 FUM_CAMERA_PERSPECTIVE = 0
@@ -143,6 +144,9 @@ class fum_light_desc(ctypes.Structure):
         ("casts_shadows", ctypes.c_int32),
         ("light_sets", ctypes.c_uint64),
         ("shadow_sets", ctypes.c_uint64),
+        ("environment_pixels", ctypes.POINTER(ctypes.c_float)),
+        ("environment_width", ctypes.c_int32),
+        ("environment_height", ctypes.c_int32),
     ]
 
 

@@ -198,7 +198,7 @@ class Scene:
     ) -> int:
         """Adds a light in Blender's units, as bright as Cycles of Blender version `cycles` makes it. Gives its index.
 
-        type: "POINT", "SPOT", "SUN" or "AREA".
+        type: "POINT", "SPOT", "SUN" or "AREA"; light from all around is added by add_world.
         matrix: (4, 4) world from light; the light shines along its -Z. Default identity.
         power: W; of a sun its strength, W/m^2. At least 0. color: linear RGB, multiplies the power.
         radius: POINT, SPOT: m. angle: SUN: full angle of its disc, radians, 0..pi.
@@ -214,8 +214,9 @@ class Scene:
 
         Raises FumaroleError for values out of range.
         """
-        if type not in LIGHT_TYPES:
-            raise argument_error(f"type of {name!r} is {type!r}, expected one of {', '.join(LIGHT_TYPES)}")
+        lamps = [known for known in LIGHT_TYPES if known != "ENVIRONMENT"]
+        if type not in lamps:
+            raise argument_error(f"type of {name!r} is {type!r}, expected one of {', '.join(lamps)}")
         description = described(_abi.fum_light_desc, name)
         description.type = LIGHT_TYPES[type]
         description.casts_shadows = bool(casts_shadows)
@@ -246,6 +247,43 @@ class Scene:
             intensity = units.area_radiance(watts, full * lengths[0] * lengths[1], normalize, cycles)
         description.world_from_light[:] = world.ravel()
         description.intensity[:] = intensity
+        self.context.call("fum_scene_add_light", self.handle, ctypes.byref(description))
+        self._light_count += 1
+        return self._light_count - 1
+
+    def add_world(
+        self,
+        color: ArrayLike = (1.0, 1.0, 1.0),
+        pixels: ArrayLike | None = None,
+        matrix: ArrayLike | None = None,
+        name: str = "world",
+        casts_shadows: bool = True,
+        light_sets: Iterable[int] | None = None,
+        shadow_sets: Iterable[int] | None = None,
+    ) -> int:
+        """Adds light from all around, through smoke and past solids. Gives its index among the lights.
+
+        color: linear RGB, radiance, W/(m^2 sr), at least 0; with pixels a factor on them.
+        pixels: (height, width, 3) linear RGB, finite and at least 0, first row at the bottom: an equirectangular picture
+            mapped as Blender's Environment Texture. Its middle is seen along X, the middle of its left half along Y.
+        matrix: (4, 4) world from picture; its rotation turns the picture. Default identity.
+        casts_shadows: False: neither solids nor smoke block it.
+        light_sets, shadow_sets: as of add_light().
+        name: for errors. Raises FumaroleError for values out of range.
+        """
+        description = described(_abi.fum_light_desc, name)
+        description.type = LIGHT_TYPES["ENVIRONMENT"]
+        description.casts_shadows = bool(casts_shadows)
+        description.light_sets = _mask(light_sets, f"light_sets of {name!r}")
+        description.shadow_sets = _mask(shadow_sets, f"shadow_sets of {name!r}")
+        description.intensity[:] = _arrays.triple(color, f"color of {name!r}")
+        description.world_from_light[:] = _arrays.matrix(matrix, f"matrix of {name!r}").ravel()
+        if pixels is not None:
+            picture = _arrays.floats(pixels, f"pixels of {name!r}")
+            if picture.ndim != 3 or picture.shape[2] != 3:
+                raise argument_error(f"pixels of {name!r} has shape {picture.shape}, expected (height, width, 3)")
+            _arrays.point(description, "environment_pixels", picture)
+            description.environment_height, description.environment_width = picture.shape[:2]
         self.context.call("fum_scene_add_light", self.handle, ctypes.byref(description))
         self._light_count += 1
         return self._light_count - 1

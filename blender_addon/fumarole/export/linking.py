@@ -12,13 +12,14 @@ from .. import compat, core
 from .lights import Light
 from .meshes import Mesh
 from .particles import Particles
+from .world import World
 
 
 @dataclass
 class _Reach:
     """What one light shines on, or is blocked by."""
 
-    light: Light
+    light: Light | World
     states: dict[int, bool]  # by object: included or excluded
     on_smoke: bool
     on_solids: bool
@@ -46,6 +47,10 @@ class Linker:
         self._receivers.append(_Reach(light, _states(receivers), *reach))
         if light.casts_shadows:
             self._blockers.append(_Reach(light, _states(blockers), True, True))
+
+    def add_world(self, world: World) -> None:
+        """A world is linked to nothing, but rays that scatter may not see it."""
+        self._receivers.append(_Reach(world, {}, world.on_smoke, world.on_solids))
 
     def add_matter(self, items: Iterable[Particles | Mesh], owner: bpy.types.Object, parent: bpy.types.Object) -> None:
         """`owner`: the object that they are of, of an instance that which is instanced; `parent`: what instances it, or

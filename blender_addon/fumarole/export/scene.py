@@ -15,7 +15,7 @@ from .linking import Linker
 from .meshes import Mesh, MeshReader
 from .particles import Particles, export_system, smoke_systems
 from .points import export_points
-from .world import export_background
+from .world import World, export_world
 
 
 @dataclass
@@ -24,9 +24,9 @@ class Scene:
 
     particles: list[Particles] = field(default_factory=list)
     meshes: list[Mesh] = field(default_factory=list)
-    lights: list[Light] = field(default_factory=list)
+    lights: list[Light | World] = field(default_factory=list)
     solids_are_shaded: bool = False
-    background: np.ndarray = field(default_factory=lambda: np.zeros(3))  # (3,) radiance
+    world: World | None = None  # that is seen behind the smoke; None: black
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -47,10 +47,12 @@ def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
     reader, linker = MeshReader(scene.warn, scene.solids_are_shaded), Linker()
     for instance in depsgraph.object_instances:
         _export_instance(instance, depsgraph, scene, reader, linker)
+    if depsgraph.view_layer_eval.use_sky:
+        scene.world = export_world(depsgraph.scene.world, scene.warn)
+    if scene.world is not None and (scene.world.on_smoke or scene.world.on_solids):
+        scene.lights.append(scene.world)
+        linker.add_world(scene.world)
     linker.finish()
-    scene.background = export_background(depsgraph.scene.world, scene.warn)
-    if np.any(scene.background > 0):
-        scene.warn(f"World '{depsgraph.scene.world.name}': its background lights no smoke yet")
     for override in ("material_override", "world_override"):
         if getattr(depsgraph.view_layer_eval, override, None) is not None:
             scene.warn(f"View layer '{depsgraph.view_layer_eval.name}': its {override} isn't supported yet")
@@ -116,6 +118,9 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
 def add_lights(result: core.Scene, scene: Scene) -> None:
     """Adds the lights to a core scene that has none. Raises core.FumaroleError."""
     for item in scene.lights:
+        if isinstance(item, World):
+            item.add_to(result)
+            continue
         result.add_light(
             item.type,
             item.matrix,

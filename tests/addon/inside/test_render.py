@@ -130,14 +130,16 @@ def test_accuracy_is_in_the_metadata_the_status_and_the_panel(tmp_path: Path, ca
 
 def test_background_goes_under_the_smoke_unless_film_is_transparent(tmp_path: Path) -> None:
     smoke()
-    alone = scenes.render_combined(tmp_path)
+    unlit = scenes.render_combined(tmp_path)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
     scene.world.use_nodes = True
     background = next(node for node in scene.world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.1, 0.2, 0.4, 1)
     background.inputs["Strength"].default_value = 2.0
-    assert np.array_equal(scenes.render_combined(tmp_path), alone)
+    alone = scenes.render_combined(tmp_path)
+    assert np.array_equal(alone[..., 3], unlit[..., 3])  # and its light is all that it adds
+    assert alone[32, 32, 2] > 1.05 * unlit[32, 32, 2]
     scene.render.film_transparent = False
     pixels = scenes.render_combined(tmp_path)
     expected = alone[..., :3] + (1 - alone[..., 3:]) * np.array((0.2, 0.4, 0.8), dtype=np.float32)
