@@ -95,6 +95,19 @@ def test_lambert_has_a_closed_form(device: str) -> None:
         assert (found[..., 3] == 1).all()
 
 
+def test_a_floor_under_an_even_sky_has_a_closed_form() -> None:
+    """Albedo times the sky's radiance, by the fast renderer and by the reference."""
+    sky = np.array([0.5, 1.0, 2.0])
+    scene = make([])
+    scene.add_world(color=sky)
+    floor(scene)
+    result = core.render(scene, frame(8), SHADED, ["Combined", ("Light", 0)])
+    expected = core.render_reference(scene, frame(4), solids="SHADED")["Combined"]
+    for found in (result["Combined"], expected):
+        assert np.allclose(found[..., :3], ALBEDO * sky, rtol=1e-4)
+    assert np.allclose(result["Light", 0], result["Combined"][..., :3], rtol=1e-6)
+
+
 @pytest.mark.parametrize("light", LIGHTS)
 def test_each_light_shades_as_the_reference(light: str) -> None:
     """Without smoke and behind it."""
