@@ -149,6 +149,45 @@ static int32_t light_points(const fum_gathering *g, const fum_octree *points, co
   return status;
 }
 
+/* Where the camera doesn't see, because a solid is before it. */
+static bool is_behind_solid(const fum_gathering *g, const double local[3]) {
+  const fum_vec3 point = {(float)local[0], (float)local[1], (float)local[2]};
+  const fum_vec3 to_viewer = fum_direction_to_viewer(g->viewpoint, point);
+  const float far = g->viewpoint->is_directional ? 1e30F : fum_length(fum_sub(g->viewpoint->position, point));
+  fum_solid_point unused;
+  return fum_solids_see(g->solids, point, to_viewer, 0.0F, far, &unused) < far;
+}
+
+/* No light from all around gets into a solid, and none would be left close to it between samples outside and inside:
+ * those inside get what is nearest to them on the face before. */
+static void carry_into_solids(const fum_gathering *g, const fum_view *view, const fum_slabs *slabs,
+                              const fum_lamp *lamp, fum_lattice *lattice) {
+  const float blocked = 1.0F - g->solid_shadow_intensity + 1e-4F;
+  float *depths = lattice->depths + lamp->index * lattice->sample_count;
+  float *visible = lattice->visible + lamp->index * lattice->sample_count;
+  for (int32_t f = 1; f < lattice->face_count; f++) {
+    const fum_lattice_face *grid = &lattice->faces[f], *before = &lattice->faces[f - 1];
+    const int64_t count = before->columns > 0 ? (int64_t)grid->columns * grid->rows : 0;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+    for (int64_t i = 0; i < count; i++) {
+      const int64_t at = grid->first + i;
+      if (isnan(depths[at]) || visible[at] > blocked) continue;
+      const float u = grid->origin[0] + grid->spacing[0] * (float)(i % grid->columns);
+      const float v = grid->origin[1] + grid->spacing[1] * (float)(i / grid->columns);
+      const int64_t column = lroundf((u - before->origin[0]) / before->spacing[0]);
+      const int64_t row = lroundf((v - before->origin[1]) / before->spacing[1]);
+      if (column < 0 || row < 0 || column >= before->columns || row >= before->rows) continue;
+      const int64_t from = before->first + row * before->columns + column;
+      double local[3];
+      if (isnan(depths[from]) || visible[from] <= blocked) continue;
+      fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
+      if (!is_behind_solid(g, local)) continue;
+      depths[at] = depths[from];
+      visible[at] = visible[from];
+    }
+  }
+}
+
 static int32_t allocate_values(const fum_gathering *g, fum_lattice *lattice) {
   const int64_t values = lattice->sample_count * lattice->lamp_count;
   int32_t status = fum_alloc(g->context, values, sizeof *lattice->depths, "lattice of light", &lattice->depths);
@@ -180,6 +219,11 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
   if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
   g.receivers = &receivers;
   if (status == FUM_OK) status = light_points(&g, points, lamps, lattice);
+  for (int32_t l = 0; l < lamps->count && status == FUM_OK; l++) {
+    const fum_lamp *lamp = &lamps->items[l];
+    if (lamp->environment != NULL && lamp->lights_smoke && lattice->visible != NULL && g.viewpoint != NULL)
+      carry_into_solids(&g, view, slabs, lamp, lattice);
+  }
 done:
   fum_receivers_free(context, &receivers);
   fum_octree_destroy(context, points);

@@ -333,3 +333,17 @@ def test_shaded_solids_are_lit_by_the_world() -> None:
     result = core.render(scene, view, core.Settings(solids="SHADED"), ["Combined", ("Light", world)])
     assert result["Combined"][..., :3] == pytest.approx(np.tile(0.5 * COLOR, (8, 8, 1)), rel=0.01)
     assert result["Light", world] == pytest.approx(result["Combined"][..., :3], rel=1e-5)
+
+
+def test_smoke_before_a_solid_in_it_is_lit_up_to_its_surface() -> None:
+    """No light gets into the solid; what is interpolated near its surface mustn't know of that."""
+    solid = scene_of(ball(300, 1.5))
+    corners = 0.3 * (np.array([(i & 1, i >> 1 & 1, i >> 2) for i in range(8)]) * 2.0 - 1)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    solid.add_mesh(corners, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    solid.add_world(COLOR)
+    view = camera(4, lens=600)  # the middle of the cube's front
+    truth = core.render_reference(solid, view, tolerance=1e-2, light_samples=144)["Combined"][..., :3]
+    found = core.render(solid, view, core.Settings(device="TILES"))["Combined"][..., :3]
+    assert truth.min() > 0.05
+    assert relative_rms(found, truth) < 0.015
