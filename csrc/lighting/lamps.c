@@ -32,18 +32,53 @@ static int32_t fine_enough(float anisotropy, int32_t coarse) {
   return fine > coarse ? fine : coarse;
 }
 
-/* Even light needs fewer directions than a picture's (docs/ACCURACY.md). */
-static int32_t part_count(const fum_light_desc *desc, int32_t max_samples) {
-  const int32_t times = desc->environment_pixels != NULL ? 4 : 3;
-  return max_samples < FUM_MOST_SKY_PARTS / times ? times * max_samples : FUM_MOST_SKY_PARTS;
+/* Even light needs fewer directions than a picture's (docs/ACCURACY.md). Errors of what is `share` of all light show by
+ * that much less; they fall with the square of the number. */
+static int32_t part_count(const fum_light_desc *desc, int32_t max_samples, double share) {
+  const int32_t times = desc->environment_pixels != NULL ? 4 : 3, fewest = 6;
+  const int32_t most = max_samples < FUM_MOST_SKY_PARTS / times ? times * max_samples : FUM_MOST_SKY_PARTS;
+  const int32_t wanted = (int32_t)ceil(sqrt(share) * (double)most);
+  return wanted > fewest || most < fewest ? wanted : fewest;
 }
 
-static int32_t find_environments(const fum_scene *scene, float steepest, int32_t max_samples, fum_lamps *lamps) {
+/* Light of all directions in the clear, the sum of its channels, at the middle of the receivers. */
+static double find_strength(const fum_scene *scene, const fum_octree *receivers, int32_t light) {
+  const fum_light_desc *desc = &scene->lights[light].desc;
+  double strength = 0.0;
+  if (desc->type == FUM_LIGHT_ENVIRONMENT) {
+    fum_environment whole = {0};
+    if (fum_environment_choose(scene->context, desc, 1, 0, &whole) != FUM_OK) return INFINITY;
+    strength = (double)whole.total[0] + (double)whole.total[1] + (double)whole.total[2];
+    fum_environment_free(scene->context, &whole);
+    return strength;
+  }
+  const fum_octree_node *root = receivers->nodes;
+  float bounds[6] = {0};
+  if (receivers->node_count > 0) {
+    for (int axis = 0; axis < 3; axis++)
+      bounds[axis] = bounds[3 + axis] = 0.5F * (root->lower[axis] + root->upper[axis]);
+  }
+  fum_lamp lamp;
+  fum_lamp_init(desc, receivers->origin, bounds, 1, &lamp);
+  const fum_emitter middle = fum_lamp_sample(&lamp, 0);
+  const double factor = (double)fum_emitter_irradiance(&lamp, &middle, (fum_vec3){bounds[0], bounds[1], bounds[2]});
+  return factor * (double)(desc->intensity[0] + desc->intensity[1] + desc->intensity[2]);
+}
+
+static int32_t find_environments(const fum_scene *scene, const fum_octree *receivers, float steepest,
+                                 int32_t max_samples, fum_lamps *lamps) {
   int32_t status = FUM_OK;
+  double total = 0.0;
+  bool has_any = false;
+  for (int32_t i = 0; i < scene->light_count; i++)
+    has_any = has_any || scene->lights[i].desc.type == FUM_LIGHT_ENVIRONMENT;
+  for (int32_t i = 0; i < scene->light_count && has_any; i++)
+    total += find_strength(scene, receivers, i);
   for (int32_t i = 0; i < scene->light_count && status == FUM_OK; i++) {
     const fum_light_desc *desc = &scene->lights[i].desc;
     if (desc->type != FUM_LIGHT_ENVIRONMENT) continue;
-    const int32_t count = part_count(desc, max_samples);
+    const double strength = find_strength(scene, receivers, i);
+    const int32_t count = part_count(desc, max_samples, strength < total ? strength / total : 1.0);
     status = fum_environment_choose(scene->context, desc, count, fine_enough(steepest, count), &lamps->environments[i]);
   }
   return status;
@@ -130,7 +165,7 @@ int32_t fum_lamps_find(const fum_scene *scene, const fum_octree *receivers, int3
   int32_t status = find_looks(scene, &looks);
   if (status == FUM_OK)
     status = fum_alloc(context, scene->light_count, sizeof *lamps.environments, "lights", &lamps.environments);
-  if (status == FUM_OK) status = find_environments(scene, looks.steepest, max_samples, &lamps);
+  if (status == FUM_OK) status = find_environments(scene, receivers, looks.steepest, max_samples, &lamps);
   if (status != FUM_OK) goto done;
   for (int32_t i = 0; i < scene->light_count; i++)
     make_lamps(scene, receivers, i, max_samples, &looks, &lamps);
