@@ -216,7 +216,7 @@ def test_irradiance_of_planes_and_points() -> None:
     energy = 1.5 * picture * solid_angles(16, 32)[..., None]
     assert core.irradiance(scene, points, drawn) == pytest.approx(np.tile(energy.sum((0, 1)), (4, 1)), rel=1e-5)
     cosines = np.clip(normals @ turned()[:3, :3] @ directions(16, 32).reshape(-1, 3).T, 0, None)
-    assert core.irradiance(scene, points, drawn, normals) == pytest.approx(cosines @ energy.reshape(-1, 3), rel=0.03)
+    assert core.irradiance(scene, points, drawn, normals) == pytest.approx(cosines @ energy.reshape(-1, 3), rel=0.05)
 
 
 def test_transmittance_is_the_mean_over_directions() -> None:
