@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes plume.blend beside itself: blender -b --factory-startup --python example_blends/plume.py
+"""Makes plume.blend beside itself, after a ./run command has built the library:
+blender -b --factory-startup --python scripts/blender_checkout.py --python example_blends/plume.py
 
 docs/pictures/plume.png is its frame 18, from the top of the checkout:
 ./run render example_blends/plume.blend -o "$PWD/out/plume_####" --python-expr \\
@@ -26,7 +27,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 from fields import Field, Fields  # noqa: E402
 from staging import (  # noqa: E402
     Attributes,
-    FumaroleName,
     add_cloud,
     add_light,
     add_object,
@@ -168,8 +168,8 @@ def set_scene() -> None:
     image.file_format, image.color_mode, image.compression = "PNG", "RGB", 100
     scene.view_settings.view_transform = "Filmic"
     scene.view_settings.look = "Medium High Contrast"
-    bpy.utils.register_class(FumaroleName)
     scene.render.engine = "FUMAROLE"
+    scene.fumarole.solids = "SHADED"
 
 
 def main() -> None:

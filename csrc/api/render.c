@@ -1,14 +1,12 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-#include "api/combine.h"
+#include "api/passes.h"
 #include "api/settings.h"
 #include "api/shadow.h"
 #include "api/solids.h"
 #include "billboard/deep.h"
 #include "octree/beam.h"
 #include "pass/depth.h"
-#include "pass/table.h"
 
-#include <stdio.h>
 #include <string.h>
 
 void fum_render_stats_init(fum_render_stats *stats) {
@@ -17,168 +15,6 @@ void fum_render_stats_init(fum_render_stats *stats) {
 
 static int64_t pixel_count(const fum_rendering *r) {
   return (int64_t)r->view.width * r->view.height;
-}
-
-/* Has the pass red, green and blue? */
-static bool is_color(const fum_pass_info *info) {
-  return strcmp(info->kind, "COLOR") == 0 && info->per != FUM_PER_RANKS;
-}
-
-/* Is it made anew for each channel of colour? */
-static bool is_by_channel(const fum_pass_info *info) {
-  return is_color(info) || info->pass == FUM_PASS_VECTOR || info->pass == FUM_PASS_ERROR;
-}
-
-/* How many there are of the pass. */
-static int32_t count_of(const fum_rendering *r, const fum_pass_info *info) {
-  const int32_t counts[] = {
-      [FUM_PER_PICTURE] = 1, [FUM_PER_LIGHT] = r->scene->light_count, [FUM_PER_RANKS] = FUM_MAX_RANK_PAIRS};
-  return counts[info->per];
-}
-
-/* Parts of the light, and what asks the lattice. */
-static bool needs_tiles(int32_t pass) {
-  return pass == FUM_PASS_LIGHT || pass == FUM_PASS_EMISSION || pass == FUM_PASS_SOLID_SHADOW ||
-         pass == FUM_PASS_LIGHT_SOLID_SHADOW || pass == FUM_PASS_ERROR;
-}
-
-/* Is it drawn with Combined? */
-static bool is_drawn(int32_t pass) {
-  return needs_tiles(pass) || pass == FUM_PASS_OPACITY || pass == FUM_PASS_ALBEDO || pass == FUM_PASS_VECTOR ||
-         pass == FUM_PASS_CRYPTO_OBJECT || pass == FUM_PASS_HOLDOUT;
-}
-
-static int32_t check_pass(const fum_rendering *r, const fum_pass_buffer *wanted) {
-  const fum_pass_info *info = fum_pass_find(wanted->pass);
-  if (info == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %d is unknown", (int)wanted->pass);
-  const int64_t needed = pixel_count(r) * info->channel_count;
-  if (wanted->pixels == NULL || wanted->pixels_size != needed) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: room for %lld floats was given, %lld are needed",
-                    info->name, (long long)wanted->pixels_size, (long long)needed);
-  }
-  if (wanted->number < 0 || wanted->number >= count_of(r, info)) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: number %d is not one of %d %s", info->name,
-                    (int)wanted->number, (int)count_of(r, info),
-                    info->per == FUM_PER_LIGHT ? "lights of the scene" : "that there are");
-  }
-  if (needs_tiles(wanted->pass) && r->settings.device == FUM_DEVICE_GL) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s: OpenGL draws all light at once; use the device tiles",
-                    info->name);
-  }
-  return FUM_OK;
-}
-
-static int32_t check_passes(const fum_rendering *r, bool is_deep, int32_t pass_count, const fum_pass_buffer *passes) {
-  if (is_deep && r->settings.device == FUM_DEVICE_GL) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "deep pixels: OpenGL keeps no depths; use the device tiles");
-  }
-  if (is_deep && pass_count == 0) return FUM_OK;
-  if (pass_count < 1 || passes == NULL) return fum_fail(r->context, FUM_ERROR_ARGUMENT, "no pass was asked for");
-  int32_t status = FUM_OK;
-  for (int32_t i = 0; i < pass_count && status == FUM_OK; i++)
-    status = check_pass(r, &passes[i]);
-  return status;
-}
-
-/* Where a pass is kept. */
-static float **place_of(fum_rendering *r, int32_t pass, int32_t number) {
-  switch (pass) {
-  case FUM_PASS_COMBINED:
-    return &r->combined;
-  case FUM_PASS_DEPTH:
-    return &r->depth;
-  case FUM_PASS_POSITION:
-    return &r->position;
-  case FUM_PASS_EMISSION:
-    return &r->emission;
-  case FUM_PASS_SHADOW:
-    return &r->shadow;
-  case FUM_PASS_HOLDOUT:
-    return &r->holdout;
-  case FUM_PASS_OPACITY:
-    return &r->opacity;
-  case FUM_PASS_DEPTH_FRONT:
-    return &r->depth_front;
-  case FUM_PASS_DEPTH_BACK:
-    return &r->depth_back;
-  case FUM_PASS_ALBEDO:
-    return &r->albedo;
-  case FUM_PASS_VECTOR:
-    return &r->vector;
-  case FUM_PASS_SOLID_SHADOW:
-    return &r->solid_shadow;
-  case FUM_PASS_ERROR:
-    return &r->error;
-  case FUM_PASS_CRYPTO_OBJECT:
-    return &r->crypto[number];
-  case FUM_PASS_LIGHT:
-    return &r->lights[number];
-  case FUM_PASS_LIGHT_SOLID_SHADOW:
-    return &r->light_solid_shadows[number];
-  default:
-    return &r->light_shadows[number];
-  }
-}
-
-static int32_t allocate_pass(fum_rendering *r, int32_t pass, int32_t number) {
-  float **place = place_of(r, pass, number);
-  const fum_pass_info *info = fum_pass_find(pass);
-  if (*place != NULL) return FUM_OK;
-  char what[64];
-  snprintf(what, sizeof what, "pass %s", info->name);
-  return fum_alloc(r->context, pixel_count(r), (size_t)info->channel_count * sizeof(float), what, place);
-}
-
-static int32_t allocate_lists(fum_rendering *r) {
-  const int32_t lights = r->scene->light_count;
-  const char *what = "passes of lights";
-  int32_t status = fum_alloc(r->context, lights, sizeof *r->lights, what, &r->lights);
-  if (status == FUM_OK) status = fum_alloc(r->context, lights, sizeof *r->light_shadows, what, &r->light_shadows);
-  if (status == FUM_OK)
-    status = fum_alloc(r->context, lights, sizeof *r->light_solid_shadows, what, &r->light_solid_shadows);
-  return status;
-}
-
-/* What is asked for, and what that is made from. */
-static int32_t allocate_passes(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
-  int32_t status = allocate_lists(r);
-  for (int32_t i = 0; i < pass_count && status == FUM_OK; i++) {
-    const int32_t pass = passes[i].pass;
-    status = allocate_pass(r, pass, passes[i].number);
-    if (status == FUM_OK && is_drawn(pass)) status = allocate_pass(r, FUM_PASS_COMBINED, 0);
-    for (; status == FUM_OK && pass == FUM_PASS_CRYPTO_OBJECT && r->crypto_count <= passes[i].number; r->crypto_count++)
-      status = allocate_pass(r, pass, r->crypto_count);
-    if (status == FUM_OK && pass == FUM_PASS_POSITION) status = allocate_pass(r, FUM_PASS_DEPTH, 0);
-  }
-  return status;
-}
-
-static void free_passes(fum_rendering *r) {
-  for (int32_t l = 0; l < r->scene->light_count; l++) {
-    if (r->lights != NULL) fum_free(r->context, &r->lights[l]);
-    if (r->light_shadows != NULL) fum_free(r->context, &r->light_shadows[l]);
-    if (r->light_solid_shadows != NULL) fum_free(r->context, &r->light_solid_shadows[l]);
-  }
-  for (int32_t i = 0; i < FUM_MAX_RANK_PAIRS; i++)
-    fum_free(r->context, &r->crypto[i]);
-  fum_free(r->context, &r->light_solid_shadows);
-  fum_free(r->context, &r->light_shadows);
-  fum_free(r->context, &r->lights);
-  fum_free(r->context, &r->error);
-  fum_free(r->context, &r->solid_shadow);
-  fum_free(r->context, &r->vector);
-  fum_free(r->context, &r->albedo);
-  for (int k = 0; k < 2; k++)
-    fum_free(r->context, &r->through[k]);
-  fum_free(r->context, &r->shadow);
-  fum_free(r->context, &r->holdout);
-  fum_free(r->context, &r->emission);
-  fum_free(r->context, &r->position);
-  fum_free(r->context, &r->opacity);
-  fum_free(r->context, &r->depth_back);
-  fum_free(r->context, &r->depth_front);
-  fum_free(r->context, &r->depth);
-  fum_free(r->context, &r->combined);
 }
 
 /* Adds what one channel took; light is as far off as in the channel where it is farthest. */
@@ -290,21 +126,22 @@ static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int3
     part.channel_share += channels->of[c] == k ? 1.0F / 3.0F : 0.0F;
   memcpy(part.crypto, r->crypto, sizeof part.crypto);
   fum_render_stats_init(&part.stats);
-  int32_t status = allocate_lists(&part);
+  int32_t status = fum_passes_allocate_lists(&part);
   for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK; i++) {
-    for (int32_t n = 0; n < count_of(r, &info) && status == FUM_OK; n++) {
-      if (is_by_channel(&info) && *place_of(r, info.pass, n) != NULL) status = allocate_pass(&part, info.pass, n);
+    for (int32_t n = 0; n < fum_pass_count(r, &info) && status == FUM_OK; n++) {
+      if (fum_pass_is_by_channel(&info) && *fum_pass_place(r, info.pass, n) != NULL)
+        status = fum_pass_allocate(&part, info.pass, n);
     }
   }
   if (status == FUM_OK && r->deep != NULL) status = fum_deep_create(r->context, &r->view, &part.deep);
   if (status == FUM_OK) status = make_colors(&part);
   *out_deep = part.deep;
   for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK && status == FUM_OK; i++) {
-    for (int32_t n = 0; n < count_of(r, &info); n++) {
-      float *to = is_by_channel(&info) ? *place_of(r, info.pass, n) : NULL;
+    for (int32_t n = 0; n < fum_pass_count(r, &info); n++) {
+      float *to = fum_pass_is_by_channel(&info) ? *fum_pass_place(r, info.pass, n) : NULL;
       if (to == NULL) continue;
-      const float *from = *place_of(&part, info.pass, n);
-      if (is_color(&info)) {
+      const float *from = *fum_pass_place(&part, info.pass, n);
+      if (fum_pass_is_color(&info)) {
         take_color(channels, k, pixel_count(r), info.channel_count, from, to);
       } else {
         take_value(part.channel_share, pixel_count(r) * info.channel_count, from, to);
@@ -313,7 +150,7 @@ static int32_t make_channel(fum_rendering *r, const fum_channels *channels, int3
   }
   add_stats(&part.stats, &r->stats);
   memset(part.crypto, 0, sizeof part.crypto);
-  free_passes(&part);
+  fum_passes_free(&part);
   return status;
 }
 
@@ -345,13 +182,6 @@ static int32_t make_passes(fum_rendering *r, const fum_channels *channels) {
   return status == FUM_OK ? make_values(r) : status;
 }
 
-static void hand_over(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
-  for (int32_t i = 0; i < pass_count; i++) {
-    const float *from = *place_of(r, passes[i].pass, passes[i].number);
-    memcpy(passes[i].pixels, from, (size_t)passes[i].pixels_size * sizeof *from);
-  }
-}
-
 static void fill_stats(fum_rendering *r) {
   const fum_scene *scene = r->scene;
   fum_render_stats *stats = &r->stats;
@@ -364,7 +194,7 @@ static void fill_stats(fum_rendering *r) {
 
 /* Deep pixels come with Combined, which is made for them if it isn't asked for. */
 static int32_t allocate_deep(fum_rendering *r) {
-  const int32_t status = allocate_pass(r, FUM_PASS_COMBINED, 0);
+  const int32_t status = fum_pass_allocate(r, FUM_PASS_COMBINED, 0);
   return status == FUM_OK ? fum_deep_create(r->context, &r->view, &r->deep) : status;
 }
 
@@ -387,8 +217,8 @@ int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_se
   }
   int32_t status = fum_settings_check(context, settings, &r.settings);
   if (status == FUM_OK) status = fum_view_init(context, camera, &r.view);
-  if (status == FUM_OK) status = check_passes(&r, out_deep != NULL, pass_count, passes);
-  if (status == FUM_OK) status = allocate_passes(&r, pass_count, passes);
+  if (status == FUM_OK) status = fum_passes_check(&r, out_deep != NULL, pass_count, passes);
+  if (status == FUM_OK) status = fum_passes_allocate(&r, pass_count, passes);
   if (status == FUM_OK && out_deep != NULL) status = allocate_deep(&r);
   const fum_channels *channels = NULL;
   if (status == FUM_OK) status = fum_channels_update(scene, &r.settings, &channels);
@@ -400,7 +230,7 @@ int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_se
     fum_warn(context, "deep pixels hold the smoke alone: shaded solids aren't in them");
   if (status == FUM_OK) status = make_passes(&r, channels);
   if (status != FUM_OK) goto done;
-  hand_over(&r, pass_count, passes);
+  fum_passes_hand_over(&r, pass_count, passes);
   fill_stats(&r);
   r.stats.total_s = fum_now_s() - start_s;
   if (out_stats != NULL) *out_stats = r.stats;
@@ -410,7 +240,7 @@ int32_t fum_render_deep(fum_scene *scene, const fum_camera *camera, const fum_se
   }
 done:
   fum_deep_destroy(r.deep);
-  free_passes(&r);
+  fum_passes_free(&r);
   fum_solid_view_free(context, &r.solid);
   return status;
 }

@@ -301,8 +301,8 @@ typedef struct fum_settings {
   int32_t leaf_size;            /**< an octree cell is subdivided above this many particles, 1..4096 */
   int32_t light_samples;        /**< most sample points of a soft light, 1..1024; default 16. Lights that look small
                                      from all the smoke take fewer; an environment takes three times as many
-                                     directions, with a picture four times, at most 1024, and fewer where that has fewer
-                                     pixels that shine */
+                                     directions, with a picture four times, at most 1024, and fewer beside brighter lights
+                                     or where the picture has fewer pixels that shine */
   float tolerance;              /**< relative error that cut-offs may cause in the picture, 1e-4..0.5; default 0.01.
                                      Exactly solved, transmittance to a light is kept within a tenth of it. That particles are lit at
                                      their centres by FUM_DEVICE_GL isn't covered: see docs/ACCURACY.md */
