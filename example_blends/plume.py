@@ -126,11 +126,26 @@ def add_solids() -> None:
     """The ground, and a lattice in the spot's beam whose bars point at the camera, so that their shadows look sharp."""
     ground = bpy.data.meshes.new("Ground")
     ground.from_pydata([(-30, -30, 0), (30, -30, 0), (30, 30, 0), (-30, 30, 0)], [], [(0, 1, 2, 3)])
+    ground.materials.append(matt("Ground", 0.025))
     add_object("Ground", ground, Matrix())
     bars = [(Vector((0.0, 0.75 * k, 0.0)), Vector((3.4, 0.18, 0.05))) for k in range(-2, 3)]
     posts = [(Vector((x, 0.0, 0.0)), Vector((0.14, 3.2, 0.1))) for x in (-1.7, 1.7)]
     place = Matrix.Translation(SPOT.lerp(TARGET, 0.56))
-    add_object("Lattice", box_mesh("Lattice", bars + posts), place @ Matrix(beam_axes()).transposed().to_4x4())
+    lattice = box_mesh("Lattice", bars + posts)
+    lattice.materials.append(matt("Lattice", 0.05))
+    add_object("Lattice", lattice, place @ Matrix(beam_axes()).transposed().to_4x4())
+
+
+def matt(name: str, color: float) -> bpy.types.Material:
+    """A matt grey."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    diffuse.inputs["Color"].default_value = (color, color, color, 1.0)
+    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
+    return material
 
 
 def beam_axes() -> tuple[Vector, Vector, Vector]:
@@ -163,6 +178,8 @@ def set_scene() -> None:
     scene.world = bpy.data.worlds.new("Night")
     scene.world.use_nodes = True
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.006, 0.008, 0.012, 1.0)
+    # So dark a sky is seen, but lights nothing that could be seen: that saves its directions.
+    scene.world.cycles_visibility.scatter = scene.world.cycles_visibility.diffuse = False
     scene.render.resolution_x, scene.render.resolution_y = 1280, 720
     image = scene.render.image_settings
     image.file_format, image.color_mode, image.compression = "PNG", "RGB", 100
