@@ -283,3 +283,10 @@ def test_edges_of_solids_are_antialiased() -> None:
         errors = np.abs(coarse[name] - expected)
         assert errors.max() < 0.06 * expected.max(), "a sixteenth of the step at the edge"
         assert np.sqrt((errors**2).mean()) < 0.008 * expected.max()
+
+
+def test_readme_lists_every_pass_of_the_table() -> None:
+    text = (Path(__file__).resolve().parents[2] / "README.md").read_text(encoding="utf-8")
+    for item in core.PASSES.values():
+        name = f'"{item.name}"' if item.per == "PICTURE" else f'("{item.name}", number)'
+        assert f"`{name}`" in text, f"README has no pass {name}"
