@@ -21,7 +21,7 @@ struct fum_context {
   double progress_last_s;
   int32_t progress_last_stage; /* -1: none yet in this call */
   float progress_last_fraction;
-  const char *progress_last_message;
+  char progress_last_message[96]; /* a copy: the caller's may be gone when it is said again */
   atomic_int cancelled;
   atomic_uint_least64_t memory_bytes, memory_peak_bytes;
   struct fum_gl *gl; /* owned by billboard/gl, made on the first draw */
@@ -37,7 +37,7 @@ void fum_warn(fum_context *context, const char *format, ...) __attribute__((form
 void fum_progress_begin(fum_context *context);
 
 /* Reports progress (at most 20 times a second within a stage). Only on the thread that called the library. `message`
- * is a literal. Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
+ * is copied. Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
 int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message);
 
 /* Reports the last progress again, so that the user can cancel in the middle of a long step. Only on the thread that
