@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* Light from all around as a small set of directions, chosen by importance from what shines there alone: wherever the
- * camera looks, and whatever smoke there is, they stay the same. */
+ * camera looks, they stay the same. */
 #ifndef FUM_LIGHTING_ENVIRONMENT_H
 #define FUM_LIGHTING_ENVIRONMENT_H
 

@@ -41,45 +41,43 @@ static int32_t part_count(const fum_light_desc *desc, int32_t max_samples, doubl
   return wanted > fewest || most < fewest ? wanted : fewest;
 }
 
-/* Light of all directions in the clear, the sum of its channels, at the middle of the receivers. */
-static double find_strength(const fum_scene *scene, const fum_octree *receivers, int32_t light) {
-  const fum_light_desc *desc = &scene->lights[light].desc;
-  double strength = 0.0;
-  if (desc->type == FUM_LIGHT_ENVIRONMENT) {
-    fum_environment whole = {0};
-    if (fum_environment_choose(scene->context, desc, 1, 0, &whole) != FUM_OK) return INFINITY;
-    strength = (double)whole.total[0] + (double)whole.total[1] + (double)whole.total[2];
-    fum_environment_free(scene->context, &whole);
-    return strength;
-  }
-  const fum_octree_node *root = receivers->nodes;
-  float bounds[6] = {0};
-  if (receivers->node_count > 0) {
-    for (int axis = 0; axis < 3; axis++)
-      bounds[axis] = bounds[3 + axis] = 0.5F * (root->lower[axis] + root->upper[axis]);
-  }
-  fum_lamp lamp;
-  fum_lamp_init(desc, receivers->origin, bounds, 1, &lamp);
-  const fum_emitter middle = fum_lamp_sample(&lamp, 0);
-  const double factor = (double)fum_emitter_irradiance(&lamp, &middle, (fum_vec3){bounds[0], bounds[1], bounds[2]});
-  return factor * (double)(desc->intensity[0] + desc->intensity[1] + desc->intensity[2]);
+static double sum_of(const float rgb[3]) {
+  return (double)rgb[0] + (double)rgb[1] + (double)rgb[2];
 }
 
-static int32_t find_environments(const fum_scene *scene, const fum_octree *receivers, float steepest,
-                                 int32_t max_samples, fum_lamps *lamps) {
+/* What a light that isn't an environment sends in the clear to the middle of the scene, whoever is lit and wherever the
+ * camera looks. */
+static double find_strength(const fum_scene *scene, const fum_light_desc *desc) {
+  const float middle[6] = {0};
+  fum_lamp lamp;
+  fum_lamp_init(desc, scene->origin, middle, 1, &lamp);
+  const fum_emitter sample = fum_lamp_sample(&lamp, 0);
+  return (double)fum_emitter_irradiance(&lamp, &sample, (fum_vec3){0}) * sum_of(desc->intensity);
+}
+
+static int32_t choose_parts(const fum_scene *scene, int32_t light, int32_t count, float steepest, fum_lamps *lamps) {
+  return fum_environment_choose(scene->context, &scene->lights[light].desc, count, fine_enough(steepest, count),
+                                &lamps->environments[light]);
+}
+
+/* As many parts as there may be, and then fewer of those beside brighter lights. */
+static int32_t find_environments(const fum_scene *scene, float steepest, int32_t max_samples, fum_lamps *lamps) {
   int32_t status = FUM_OK;
   double total = 0.0;
-  bool has_any = false;
-  for (int32_t i = 0; i < scene->light_count; i++)
-    has_any = has_any || scene->lights[i].desc.type == FUM_LIGHT_ENVIRONMENT;
-  for (int32_t i = 0; i < scene->light_count && has_any; i++)
-    total += find_strength(scene, receivers, i);
   for (int32_t i = 0; i < scene->light_count && status == FUM_OK; i++) {
     const fum_light_desc *desc = &scene->lights[i].desc;
-    if (desc->type != FUM_LIGHT_ENVIRONMENT) continue;
-    const double strength = find_strength(scene, receivers, i);
-    const int32_t count = part_count(desc, max_samples, strength < total ? strength / total : 1.0);
-    status = fum_environment_choose(scene->context, desc, count, fine_enough(steepest, count), &lamps->environments[i]);
+    const bool is_environment = desc->type == FUM_LIGHT_ENVIRONMENT;
+    if (is_environment) status = choose_parts(scene, i, part_count(desc, max_samples, 1.0), steepest, lamps);
+    total += is_environment ? sum_of(lamps->environments[i].total) : find_strength(scene, desc);
+  }
+  for (int32_t i = 0; i < scene->light_count && status == FUM_OK; i++) {
+    const fum_light_desc *desc = &scene->lights[i].desc;
+    fum_environment *e = &lamps->environments[i];
+    if (desc->type != FUM_LIGHT_ENVIRONMENT || e->count == 0) continue;
+    const int32_t count = part_count(desc, max_samples, fum_least(sum_of(e->total) / total, 1.0));
+    if (count >= part_count(desc, max_samples, 1.0)) continue;
+    fum_environment_free(scene->context, e);
+    status = choose_parts(scene, i, count, steepest, lamps);
   }
   return status;
 }
@@ -165,7 +163,7 @@ int32_t fum_lamps_find(const fum_scene *scene, const fum_octree *receivers, int3
   int32_t status = find_looks(scene, &looks);
   if (status == FUM_OK)
     status = fum_alloc(context, scene->light_count, sizeof *lamps.environments, "lights", &lamps.environments);
-  if (status == FUM_OK) status = find_environments(scene, receivers, looks.steepest, max_samples, &lamps);
+  if (status == FUM_OK) status = find_environments(scene, looks.steepest, max_samples, &lamps);
   if (status != FUM_OK) goto done;
   for (int32_t i = 0; i < scene->light_count; i++)
     make_lamps(scene, receivers, i, max_samples, &looks, &lamps);
