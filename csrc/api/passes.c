@@ -140,31 +140,18 @@ int32_t fum_passes_allocate(fum_rendering *r, int32_t pass_count, const fum_pass
 }
 
 void fum_passes_free(fum_rendering *r) {
-  for (int32_t l = 0; l < r->scene->light_count; l++) {
-    if (r->lights != NULL) fum_free(r->context, &r->lights[l]);
-    if (r->light_shadows != NULL) fum_free(r->context, &r->light_shadows[l]);
-    if (r->light_solid_shadows != NULL) fum_free(r->context, &r->light_solid_shadows[l]);
+  const bool has_lists = r->lights != NULL && r->light_shadows != NULL && r->light_solid_shadows != NULL;
+  fum_pass_info info;
+  for (int32_t i = 0; fum_pass_get(i, &info) == FUM_OK; i++) {
+    const int32_t count = info.per == FUM_PER_LIGHT && !has_lists ? 0 : fum_pass_count(r, &info);
+    for (int32_t n = 0; n < count; n++)
+      fum_free(r->context, fum_pass_place(r, info.pass, n));
   }
-  for (int32_t i = 0; i < FUM_MAX_RANK_PAIRS; i++)
-    fum_free(r->context, &r->crypto[i]);
+  for (int k = 0; k < 2; k++)
+    fum_free(r->context, &r->through[k]);
   fum_free(r->context, &r->light_solid_shadows);
   fum_free(r->context, &r->light_shadows);
   fum_free(r->context, &r->lights);
-  fum_free(r->context, &r->error);
-  fum_free(r->context, &r->solid_shadow);
-  fum_free(r->context, &r->vector);
-  fum_free(r->context, &r->albedo);
-  for (int k = 0; k < 2; k++)
-    fum_free(r->context, &r->through[k]);
-  fum_free(r->context, &r->shadow);
-  fum_free(r->context, &r->holdout);
-  fum_free(r->context, &r->emission);
-  fum_free(r->context, &r->position);
-  fum_free(r->context, &r->opacity);
-  fum_free(r->context, &r->depth_back);
-  fum_free(r->context, &r->depth_front);
-  fum_free(r->context, &r->depth);
-  fum_free(r->context, &r->combined);
 }
 
 void fum_passes_hand_over(fum_rendering *r, int32_t pass_count, const fum_pass_buffer *passes) {
