@@ -327,9 +327,15 @@ typedef struct fum_camera {
                                      clip_start or farther than clip_end isn't drawn */
   int32_t width, height;        /**< pixels, 1..65536; default 512, 512 */
   int32_t moves;                /**< 1: where it is one frame before and one frame after is given below; for the pass
-                                     Vector. Default 0 */
+                                     Vector and for motion blur. Default 0 */
   double previous_world_from_camera[16], previous_window[4];
   double next_world_from_camera[16], next_window[4];
+  double shutter_open, shutter_close; /**< frames from now, -1 <= open <= close <= 1; default 0, 0: no motion blur */
+  double aperture_radius;             /**< m, at least 0; default 0: no depth of field */
+  double focus_distance;              /**< depth along the axis at which it is sharp, m, above 0; default 10 */
+  int32_t aperture_blades;            /**< corners of the aperture, 3..64; 0 (default): it is round */
+  float aperture_rotation;            /**< of the corners, the first of which lies along local X; default 0 */
+  float aperture_ratio;               /**< by which it is narrowed along local X, above 0; default 1 */
 } fum_camera;
 
 FUM_API void fum_camera_init(fum_camera *camera);

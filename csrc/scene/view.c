@@ -11,9 +11,38 @@ void fum_camera_init(fum_camera *camera) {
                          .clip_start = 0.1,
                          .clip_end = 1000.0,
                          .width = 512,
-                         .height = 512};
+                         .height = 512,
+                         .focus_distance = 10.0,
+                         .aperture_ratio = 1.0F};
   for (int i = 0; i < 4; i++)
     camera->world_from_camera[5 * i] = 1.0;
+}
+
+static int32_t check_blur(fum_context *context, const fum_camera *c) {
+  if (!(c->shutter_open >= -1.0 && c->shutter_open <= c->shutter_close && c->shutter_close <= 1.0)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: a shutter from %g to %g frames is not within -1..1",
+                    c->shutter_open, c->shutter_close);
+  }
+  if (!(c->aperture_radius >= 0.0 && isfinite(c->aperture_radius))) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: aperture_radius is %g, expected at least 0",
+                    c->aperture_radius);
+  }
+  if (!(c->focus_distance > 0.0 && isfinite(c->focus_distance))) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: focus_distance is %g, expected above 0", c->focus_distance);
+  }
+  if (c->aperture_blades != 0 && (c->aperture_blades < 3 || c->aperture_blades > 64)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: aperture_blades is %d, expected 0 or 3..64",
+                    (int)c->aperture_blades);
+  }
+  if (!isfinite(c->aperture_rotation)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: aperture_rotation is %g, expected a number",
+                    (double)c->aperture_rotation);
+  }
+  if (!(c->aperture_ratio > 0.0F && isfinite(c->aperture_ratio))) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: aperture_ratio is %g, expected above 0",
+                    (double)c->aperture_ratio);
+  }
+  return FUM_OK;
 }
 
 static int32_t check(fum_context *context, const fum_camera *c) {
@@ -37,7 +66,7 @@ static int32_t check(fum_context *context, const fum_camera *c) {
   if (!(c->clip_start >= 0.0 && c->clip_start < c->clip_end && isfinite(c->clip_end))) {
     return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: clip range %g..%g is not valid", c->clip_start, c->clip_end);
   }
-  return FUM_OK;
+  return check_blur(context, c);
 }
 
 /* Inverse of a matrix whose last row is 0 0 0 1, by cofactors. */

@@ -82,3 +82,21 @@ def test_wrong_values_are_named(options: dict[str, object], message: str) -> Non
 def test_empty_crop_is_an_error() -> None:
     with pytest.raises(core.FumaroleError, match=r"the crop from \(5, 0\) to \(5, 9\) is empty"):
         core.Camera().crop(5, 0, 5, 9)
+
+
+@pytest.mark.parametrize(
+    ("shutter", "aperture", "message"),
+    [
+        ((0.5, 0.25), {}, "shutter from 0.5 to 0.25"),
+        ((-1.5, 0), {}, "shutter from -1.5 to 0"),
+        ((0, 0), {"radius": -1.0}, "aperture_radius is -1"),
+        ((0, 0), {"focus": 0.0}, "focus_distance is 0"),
+        ((0, 0), {"blades": 2}, "aperture_blades is 2"),
+        ((0, 0), {"rotation": float("inf")}, "aperture_rotation is inf"),
+        ((0, 0), {"ratio": 0.0}, "aperture_ratio is 0"),
+    ],
+)
+def test_blur_is_checked(shutter: tuple[float, float], aperture: dict[str, float], message: str) -> None:
+    camera = core.Camera(width=8, height=8).blurred(shutter, core.Aperture(**aperture))
+    with pytest.raises(core.FumaroleError, match=message):
+        core.render(core.Scene(), camera)

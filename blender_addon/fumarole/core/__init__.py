@@ -23,6 +23,7 @@ Names
     Context(threads, progress)   threads, progress, cancel, warnings; scenes without one share one
     Scene(context)               add_particles, add_mesh, add_light, add_world, clear_lights
     Camera(matrix, lens, ...)    also Camera.from_window(...), camera.crop(x0, y0, x1, y1)
+    Aperture(radius, focus, ...) of a camera: camera.blurred(shutter, aperture)
     Settings(solver, tolerance, ...)
     render -> Result             result[name], .stats (Stats), .warnings, .deep (Deep: .counts, .samples, .write(path))
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
@@ -46,7 +47,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import _library
-from .camera import Camera
+from .camera import Aperture, Camera
 from .context import Context
 from .deep import Deep
 from .errors import Cancelled, ErrorCode, FumaroleError
@@ -60,6 +61,7 @@ from .settings import Settings
 __all__ = [
     "LINK_SETS",
     "PASSES",
+    "Aperture",
     "Camera",
     "Cancelled",
     "Context",

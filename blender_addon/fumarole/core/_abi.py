@@ -181,6 +181,13 @@ class fum_camera(ctypes.Structure):
         ("previous_window", ctypes.c_double * 4),
         ("next_world_from_camera", ctypes.c_double * 16),
         ("next_window", ctypes.c_double * 4),
+        ("shutter_open", ctypes.c_double),
+        ("shutter_close", ctypes.c_double),
+        ("aperture_radius", ctypes.c_double),
+        ("focus_distance", ctypes.c_double),
+        ("aperture_blades", ctypes.c_int32),
+        ("aperture_rotation", ctypes.c_float),
+        ("aperture_ratio", ctypes.c_float),
     ]
 
 

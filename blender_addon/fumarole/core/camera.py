@@ -17,6 +17,22 @@ TYPES = {"PERSPECTIVE": _abi.FUM_CAMERA_PERSPECTIVE, "ORTHOGRAPHIC": _abi.FUM_CA
 SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
 
 
+@dataclasses.dataclass(frozen=True)
+class Aperture:
+    """What makes depth of field.
+
+    radius: m, at least 0; 0 is a pinhole. focus: depth along the axis that is sharp, m, above 0.
+    blades: its corners, 3..64, or 0: round. rotation: of the corners, radians; the first is along local X.
+    ratio: by which it is narrowed along local X, above 0.
+    """
+
+    radius: float = 0.0
+    focus: float = 10.0
+    blades: int = 0
+    rotation: float = 0.0
+    ratio: float = 1.0
+
+
 @dataclasses.dataclass(init=False, frozen=True, eq=False)
 class Camera:
     """A pinhole or orthographic camera that looks along its -Z. Made by Camera(...), from_window() or crop().
@@ -25,6 +41,8 @@ class Camera:
     window: (left, right, bottom, top) of the picture at unit depth, in metres for an orthographic camera.
     width, height: pixels. type: "PERSPECTIVE" or "ORTHOGRAPHIC". clip: (start, end), depth along the axis, m.
     motion: the camera one frame before and one frame after, None where it stands still. Set by moving().
+    shutter: (open, close) in frames from now, -1..1; (0, 0) is no motion blur. aperture: depth of field. Both are set
+        by blurred().
     """
 
     matrix: NDArray[np.float64]
@@ -34,6 +52,8 @@ class Camera:
     type: str
     clip: tuple[float, float]
     motion: tuple[Camera, Camera] | None = None
+    shutter: tuple[float, float] = (0.0, 0.0)
+    aperture: Aperture = Aperture()
 
     def __init__(
         self,
@@ -104,11 +124,23 @@ class Camera:
         left, right, bottom, top = self.window
         step_x, step_y = (right - left) / self.width, (top - bottom) / self.height
         window = (left + x0 * step_x, left + x1 * step_x, bottom + y0 * step_y, bottom + y1 * step_y)
-        part = self.from_window(self.matrix, window, x1 - x0, y1 - y0, self.type, self.clip)
-        return part if self.motion is None else part.moving(*(other.crop(x0, y0, x1, y1) for other in self.motion))
+        motion = None if self.motion is None else tuple(other.crop(x0, y0, x1, y1) for other in self.motion)
+        return self._with(window=window, width=x1 - x0, height=y1 - y0, motion=motion)
+
+    def blurred(self, shutter: tuple[float, float] = (0.0, 0.0), aperture: Aperture = Aperture()) -> Camera:
+        """The same camera with its shutter open for a while, in frames from now, and with an aperture."""
+        return self._with(shutter=tuple(map(float, shutter)), aperture=aperture)
+
+    def _with(self, **changes: object) -> Camera:
+        camera = Camera.__new__(Camera)
+        for field in dataclasses.fields(self):
+            object.__setattr__(camera, field.name, changes.get(field.name, getattr(self, field.name)))
+        return camera
 
     def moving(self, previous: Camera, next: Camera) -> Camera:
-        """The same camera, which is at `previous` one frame before and at `next` one frame after, for the pass Vector.
+        """The same camera, which is at `previous` one frame before and at `next` one frame after.
+
+        For the pass Vector and for motion blur.
 
         Raises FumaroleError when they differ in type or size.
         """
@@ -118,9 +150,7 @@ class Camera:
                     f"camera: it moves from {other.type} {other.width} x {other.height} to {self.type} "
                     f"{self.width} x {self.height}"
                 )
-        camera = self.from_window(self.matrix, self.window, self.width, self.height, self.type, self.clip)
-        object.__setattr__(camera, "motion", (previous, next))
-        return camera
+        return self._with(motion=(previous, next))
 
     def _set(
         self,
@@ -153,4 +183,8 @@ class Camera:
             camera.previous_window[:] = previous.window
             camera.next_world_from_camera[:] = next.matrix.ravel()
             camera.next_window[:] = next.window
+        camera.shutter_open, camera.shutter_close = self.shutter
+        camera.aperture_radius, camera.focus_distance = self.aperture.radius, self.aperture.focus
+        camera.aperture_blades, camera.aperture_rotation = self.aperture.blades, self.aperture.rotation
+        camera.aperture_ratio = self.aperture.ratio
         return camera
