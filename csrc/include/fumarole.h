@@ -409,6 +409,16 @@ FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum
                            const fum_pass_buffer *passes, fum_render_stats *out_stats);
 
 /**
+ * How well one picture shows the blur of a camera's shutter and aperture, each particle with the mean optical depth that
+ * it has on its way and over the aperture: the error of the picture's opacity that comes of taking this mean, found in
+ * some pixels by rays at times and through places of the aperture, relative to the opacity (root mean squares). Solids
+ * stand still. `*out_error` is that error, `*out_samples` (1..64) how many pictures with a part of the shutter and of
+ * the aperture each have a mean that is within the settings' tolerance. `settings` may be NULL.
+ */
+FUM_API int32_t fum_blur_measure(fum_scene *scene, const fum_camera *camera, const fum_settings *settings,
+                                 double *out_error, int32_t *out_samples);
+
+/**
  * The smoke in depth: a list of samples for each pixel, nearest first, that don't overlap. A sample is smoke spread
  * evenly from `depth` to `depth_back`: its nearest part, a share f of its length, has the opacity 1 - (1 - a)^f, and of
  * its radiance a share as of its opacity.

@@ -26,6 +26,7 @@ Names
     Aperture(radius, focus, ...) of a camera: camera.blurred(shutter, aperture)
     Settings(solver, tolerance, ...)
     render -> Result             result[name], .stats (Stats), .warnings, .deep (Deep: .counts, .samples, .write(path))
+    measure_blur -> Blur         how many pictures a shutter and an aperture ask for: .error, .samples
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
@@ -54,7 +55,7 @@ from .errors import Cancelled, ErrorCode, FumaroleError
 from .image import write_exr
 from .passes import Pass, crypto_hash, passes as _passes
 from .reference import ReferenceResult, ReferenceStats, render_reference
-from .render import Result, Stats, Wanted, irradiance, render, transmittance
+from .render import Blur, Result, Stats, Wanted, irradiance, measure_blur, render, transmittance
 from .scene import LINK_SETS, Scene
 from .settings import Settings
 
@@ -62,6 +63,7 @@ __all__ = [
     "LINK_SETS",
     "PASSES",
     "Aperture",
+    "Blur",
     "Camera",
     "Cancelled",
     "Context",
@@ -78,6 +80,7 @@ __all__ = [
     "build_info",
     "crypto_hash",
     "irradiance",
+    "measure_blur",
     "render",
     "render_reference",
     "transmittance",

@@ -335,6 +335,7 @@ FUNCTIONS = {
     "fum_pass_get": (ctypes.c_int32, [ctypes.c_int32, ctypes.POINTER(fum_pass_info)]),
     "fum_render_stats_init": (None, [ctypes.POINTER(fum_render_stats)]),
     "fum_render": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(fum_render_stats)]),
+    "fum_blur_measure": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int32)]),
     "fum_render_deep": (ctypes.c_int32, [ctypes.POINTER(fum_scene), ctypes.POINTER(fum_camera), ctypes.POINTER(fum_settings), ctypes.c_int32, ctypes.POINTER(fum_pass_buffer), ctypes.POINTER(ctypes.POINTER(fum_deep)), ctypes.POINTER(fum_render_stats)]),
     "fum_deep_samples": (ctypes.c_int64, [ctypes.POINTER(fum_deep), ctypes.POINTER(ctypes.POINTER(ctypes.c_uint32)), ctypes.POINTER(ctypes.POINTER(fum_deep_sample))]),
     "fum_deep_destroy": (None, [ctypes.POINTER(fum_deep)]),

@@ -150,6 +150,33 @@ def render(
     return Result(pixels, Stats.from_struct(stats), scene.context.warnings, samples)
 
 
+@dataclasses.dataclass(frozen=True)
+class Blur:
+    """How well one picture shows the blur of a camera's shutter and aperture."""
+
+    error: float
+    """of its opacity, relative to that (root mean squares)"""
+    samples: int
+    """pictures, 1..64, with a part of the shutter and of the aperture each, whose mean is within the tolerance"""
+
+
+def measure_blur(scene: Scene, camera: Camera, settings: Settings | None = None) -> Blur:
+    """What comes of drawing each particle with the mean of its optical depth on its way and over the aperture.
+
+    Solids stand still. Raises FumaroleError, Cancelled, and whatever the progress callback raised.
+    """
+    view, error, samples = camera.struct(), ctypes.c_double(), ctypes.c_int32()
+    scene.context.call(
+        "fum_blur_measure",
+        scene.handle,
+        ctypes.byref(view),
+        _settings(settings),
+        ctypes.byref(error),
+        ctypes.byref(samples),
+    )
+    return Blur(error.value, samples.value)
+
+
 def transmittance(
     scene: Scene, points: ArrayLike, light: int = 0, settings: Settings | None = None
 ) -> NDArray[np.float32]:
