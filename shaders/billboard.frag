@@ -1,4 +1,3 @@
-#version 330 core
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Optical depth of one Gaussian particle along the ray through the pixel's centre, from the near plane to the nearer of
 // the solid there and the far plane: tau exp(-d^2 / (2 sigma^2)) (Phi(t1 / sigma) - Phi(t0 / sigma)).
@@ -6,6 +5,11 @@
 flat in vec4 gaussian;
 flat in vec4 source_depth;
 flat in float inverse_sigma;
+#ifdef MAPS
+flat in vec4 map_across_blend;
+flat in vec3 map_up;
+flat in ivec4 map_level; // begin, width, height, whether colours count
+#endif
 
 out vec4 color;
 
@@ -16,6 +20,36 @@ uniform vec2 tile_origin;
 uniform vec2 clip_depths;
 uniform bool has_solids;
 uniform sampler2D solid_depths;
+#ifdef MAPS
+uniform sampler2D maps; // texels of all maps one after the other, in rows
+
+// One level of a map at a place, 0..1 within it: linear between texels, beyond the border as there.
+vec4 read_level(int begin, ivec2 size, vec2 place) {
+  vec2 at = clamp(place * vec2(size) - 0.5, vec2(0.0), vec2(size - 1));
+  ivec2 low = ivec2(at), high = min(low + 1, size - 1);
+  vec2 share = at - vec2(low);
+  int row = textureSize(maps, 0).x;
+  ivec4 places = begin + ivec4(low.y, low.y, high.y, high.y) * size.x + ivec4(low.x, high.x, low.x, high.x);
+  vec4 below = mix(texelFetch(maps, ivec2(places.x % row, places.x / row), 0),
+                   texelFetch(maps, ivec2(places.y % row, places.y / row), 0), share.x);
+  vec4 above = mix(texelFetch(maps, ivec2(places.z % row, places.z / row), 0),
+                   texelFetch(maps, ivec2(places.w % row, places.w / row), 0), share.x);
+  return mix(below, above, share.y);
+}
+
+// Factors of the particle's map on what is scattered and emitted, and on the optical depth.
+vec4 read_map(vec2 window_place) {
+  ivec2 size = map_level.yz;
+  if (size.x == 0) return vec4(1.0);
+  vec3 ray = orthographic ? vec3(window_place, 1.0) : normalize(vec3(window_place, 1.0));
+  vec2 place = 0.5 + vec2(dot(map_across_blend.xyz, ray), dot(map_up, ray));
+  vec4 texel = read_level(map_level.x, size, place);
+  if (map_across_blend.w > 0.0) {
+    texel = mix(texel, read_level(map_level.x + size.x * size.y, max(size / 2, 1), place), map_across_blend.w);
+  }
+  return map_level.w != 0 ? texel : texel.aaaa;
+}
+#endif
 
 // Upper tail of the normal distribution, 1 - Phi(x), for x >= 0. The complementary error function is the Chebyshev fit
 // of Press and others, Numerical Recipes, section 6.2: relative error below 1.2e-7 everywhere.
@@ -57,8 +91,16 @@ void main() {
   float start = (clip_depths.x - depth) * sigmas_per_depth;
   float end = (far - depth) * sigmas_per_depth;
   if (start > -6.0 || end < 6.0) tau *= share_between(start, end);
+#ifdef MAPS
+  vec4 texel = read_map(place);
+  tau *= texel.a;
+#endif
   if (!(tau > 0.0)) discard;
 
   float alpha = opacity(tau);
+#ifdef MAPS
+  color = vec4(source_depth.rgb * texel.rgb / texel.a * alpha, alpha);
+#else
   color = vec4(source_depth.rgb * alpha, alpha);
+#endif
 }

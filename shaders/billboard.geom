@@ -1,4 +1,3 @@
-#version 330 core
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A particle becomes the rectangle of the picture that bounds the projection of its footprint, a sphere.
 
@@ -8,11 +7,21 @@ layout(triangle_strip, max_vertices = 4) out;
 in Particle {
   vec4 center_sigma;
   vec4 depth_source;
+#ifdef MAPS
+  vec4 across_blend;
+  vec3 up;
+  ivec4 level;
+#endif
 } particle[];
 
 flat out vec4 gaussian;       // centre in camera space, -1 / (2 sigma^2) across the view
 flat out vec4 source_depth;   // source function, optical depth through the centre
 flat out float inverse_sigma; // 1 / sigma along the view
+#ifdef MAPS
+flat out vec4 map_across_blend;
+flat out vec3 map_up;
+flat out ivec4 map_level;
+#endif
 
 uniform bool orthographic;
 uniform vec4 window;    // left, right, bottom, top at unit depth or in metres
@@ -64,6 +73,11 @@ void emit(vec2 corner, vec4 out_gaussian, vec4 out_source_depth, float out_inver
   gaussian = out_gaussian;
   source_depth = out_source_depth;
   inverse_sigma = out_inverse_sigma;
+#ifdef MAPS
+  map_across_blend = particle[0].across_blend;
+  map_up = particle[0].up;
+  map_level = particle[0].level;
+#endif
   gl_Position = vec4(corner, 0.0, 1.0); // depth 0: the near plane is the fragment shader's business
   EmitVertex();
 }

@@ -30,9 +30,9 @@ static particle particle_at(const fum_rendering *r, int64_t rank) {
   return (particle){set, index - set->offset};
 }
 
-static int32_t draw(drawing *d) {
+static int32_t draw(drawing *d, bool are_colors) {
   memset(d->rgba, 0, 4 * (size_t)pixel_count(d->r) * sizeof *d->rgba);
-  return d->draw(d->user, d->values, d->rgba);
+  return d->draw(d->user, d->values, are_colors, d->rgba);
 }
 
 static int32_t make_albedo(drawing *d) {
@@ -43,7 +43,7 @@ static int32_t make_albedo(drawing *d) {
     const float *albedo = p.set->albedos != NULL ? p.set->albedos + 3 * p.index_in_set : p.set->albedo;
     memcpy(d->values + 3 * rank, albedo, 3 * sizeof *albedo);
   }
-  const int32_t status = draw(d);
+  const int32_t status = draw(d, true);
   for (int64_t i = 0; i < 3 * pixel_count(r) && status == FUM_OK; i++)
     r->albedo[i] = d->rgba[i / 3 * 4 + i % 3];
   return status;
@@ -81,7 +81,7 @@ static int32_t make_vector_to(drawing *d, const fum_view views[2], bool is_next)
     memcpy(value, motion + (is_next ? 2 : 0), 2 * sizeof *value);
     value[2] = 0.0F;
   }
-  const int32_t status = draw(d);
+  const int32_t status = draw(d, false);
   for (int64_t i = 0; i < pixel_count(r) && status == FUM_OK; i++) {
     const float *sum = d->rgba + 4 * i, per_opacity = sum[3] > 0.0F ? 1.0F / sum[3] : 0.0F;
     for (int axis = 0; axis < 2; axis++)
@@ -123,7 +123,7 @@ static int32_t enter_names(drawing *d, const int32_t *first_sets, const int32_t 
     for (int32_t c = 0; c < 3; c++)
       d->values[3 * rank + c] = c < count && names[c] == name ? 1.0F : 0.0F;
   }
-  const int32_t status = draw(d);
+  const int32_t status = draw(d, false);
   for (int32_t c = 0; c < count && status == FUM_OK; c++) {
     const uint32_t hash = fum_crypto_hash(scene->particles[names[c]].matte_name);
     fum_crypto_enter(hash, pixel_count(r), d->rgba + c, 4, r->channel_share, r->crypto_count, r->crypto);

@@ -6,8 +6,9 @@
 #include "api/combine.h"
 
 /* Draws `values` [3 count], in the octree's order, as what particles show of themselves: out_rgba [height][width][4] is
- * zeroed, and RGB becomes the sum along the ray of value times what each adds to A. */
-typedef int32_t (*fum_draw_values_fn)(void *user, const float *values, float *out_rgba);
+ * zeroed, and RGB becomes the sum along the ray of value times what each adds to A. Colours are multiplied by those of
+ * particles' maps. */
+typedef int32_t (*fum_draw_values_fn)(void *user, const float *values, bool are_colors, float *out_rgba);
 
 /* Makes those of the passes that are asked for. */
 int32_t fum_attributes_make(fum_rendering *r, fum_draw_values_fn draw, void *user);

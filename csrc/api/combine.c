@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "api/combine.h"
 
-float fum_footprint_sigmas(float tolerance) {
-  return sqrtf(2.0F * logf(4.0F / fminf(tolerance, 1.0F)));
+float fum_footprint_sigmas(const fum_scene *scene, float tolerance) {
+  return sqrtf(2.0F * logf(4.0F * fum_scene_map_traits(scene).edge / fminf(tolerance, 1.0F)));
 }
 
 fum_viewpoint fum_find_viewpoint(const fum_view *view) {

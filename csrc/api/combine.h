@@ -49,8 +49,9 @@ int32_t fum_combine_with_gl(fum_rendering *r);
 /* Particles added up in slabs, lit by a lattice or where that is enough at their centres. */
 int32_t fum_combine_with_tiles(fum_rendering *r);
 
-/* Sigmas out to which a particle is looked at: a quarter of the tolerance of its optical depth may lie outside. */
-float fum_footprint_sigmas(float tolerance);
+/* Sigmas out to which a particle is looked at: a quarter of the tolerance of its optical depth may lie outside, also
+ * where its map is thickest at the border. */
+float fum_footprint_sigmas(const fum_scene *scene, float tolerance);
 
 /* Notes what lighting took. */
 void fum_note_lighting(const fum_lighting *lighting, fum_rendering *r);

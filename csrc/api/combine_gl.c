@@ -73,7 +73,7 @@ static fum_frame make_frame(const fum_rendering *r) {
                      .height = view->height,
                      .clip_start = (float)view->clip_start,
                      .clip_end = (float)view->clip_end,
-                     .footprint_sigmas = fum_footprint_sigmas(0.25F * r->settings.tolerance),
+                     .footprint_sigmas = fum_footprint_sigmas(r->scene, 0.25F * r->settings.tolerance),
                      .solid_depths = r->solid.depths};
   for (int i = 0; i < 4; i++)
     frame.window[i] = (float)view->window[i];
@@ -91,6 +91,7 @@ typedef struct arranged {
   int64_t count;
   const uint32_t *ranks;
   fum_billboard *billboards;
+  fum_billboard_maps *maps; /* NULL: none */
 } arranged;
 
 static void note_through(const fum_rendering *r, const float *rgba, float *through) {
@@ -120,17 +121,21 @@ static int32_t draw_up_to_solids(const arranged *a, float *const through[2], flo
 }
 
 /* A fum_draw_values_fn. */
-static int32_t draw_values(void *user, const float *values, float *out_rgba) {
+static int32_t draw_values(void *user, const float *values, bool are_colors, float *out_rgba) {
   float *const nowhere[2] = {NULL, NULL};
   const arranged *a = user;
   for (int64_t n = 0; n < a->count; n++)
     memcpy(a->billboards[n].source, values + 3 * (int64_t)a->ranks[n], sizeof a->billboards[n].source);
+  for (int64_t n = 0; n < a->count && a->maps != NULL; n++)
+    a->maps->looks[n].is_colored = are_colors;
   return draw_up_to_solids(a, nowhere, out_rgba);
 }
 
 static int32_t draw_billboards(fum_rendering *r, const float *light) {
   const fum_octree *all = r->scene->caches->all;
-  const fum_frame frame = make_frame(r);
+  const bool has_maps = fum_scene_map_traits(r->scene).has_maps;
+  fum_frame frame = make_frame(r);
+  fum_billboard_maps maps = {0};
   uint32_t *ranks = NULL;
   fum_billboard *billboards = NULL;
   int64_t count = 0;
@@ -141,14 +146,20 @@ static int32_t draw_billboards(fum_rendering *r, const float *light) {
   if (status == FUM_OK) status = fum_alloc(r->context, count, sizeof *billboards, "billboards", &billboards);
   if (status != FUM_OK) goto done;
   fum_arrange_billboards(r->scene, all, &r->view, light, count, ranks, billboards);
+  if (has_maps) {
+    status = fum_arrange_maps(r->scene, all, &r->view, count, ranks, &maps);
+    if (status != FUM_OK) goto done;
+    frame.maps = &maps;
+  }
   r->stats.drawn_count = count;
   r->stats.sort_s = fum_now_s() - start_s;
   start_s = fum_now_s();
-  arranged all_of_them = {r, frame, count, ranks, billboards};
+  arranged all_of_them = {r, frame, count, ranks, billboards, has_maps ? &maps : NULL};
   status = draw_up_to_solids(&all_of_them, r->through, r->combined);
   r->stats.draw_s = fum_now_s() - start_s;
   if (status == FUM_OK) status = fum_attributes_make(r, draw_values, &all_of_them);
 done:
+  fum_arrange_free_maps(r->context, &maps);
   fum_free(r->context, &billboards);
   fum_free(r->context, &ranks);
   return status;

@@ -32,7 +32,11 @@ typedef struct plan {
 static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
   const fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
+  /* Steps' errors grow with the root of the extinction, and maps gather it. */
+  const fum_map_traits traits = fum_scene_map_traits(r->scene);
+  tolerance /= sqrtf(traits.contrast);
   int32_t status = fum_slabs_find(r->context, all, &r->view, tolerance, p->thinnest, &out_light->slabs);
+  out_light->slabs.has_holes = traits.has_maps;
   if (status != FUM_OK || out_light->slabs.count == 0) return status;
   return fum_lattice_place(r->context, all, &r->view, &out_light->slabs, p->footprint, tolerance, &out_light->lattice);
 }
@@ -171,16 +175,17 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
 static float drawn_sigmas(const fum_rendering *r, const fum_slabs *slabs) {
   const double usual = 10.0; /* optical depth of the smoke as a whole */
   const double share = 0.0625 * fmin(1.0, usual / slabs->depth);
-  return fum_footprint_sigmas((float)share * r->settings.tolerance);
+  return fum_footprint_sigmas(r->scene, (float)share * r->settings.tolerance);
 }
 
 /* A fum_draw_values_fn. */
-static int32_t draw_values(void *user, const float *values, float *out_rgba) {
+static int32_t draw_values(void *user, const float *values, bool are_colors, float *out_rgba) {
   const fum_tile_job *shared = user;
   fum_tile_job job = *shared;
   fum_lattice nothing = {0};
   job.lattice = &nothing;
   job.values = values;
+  job.ignores_map_colors = !are_colors;
   job.class_count = 0;
   job.is_uniform = false;
   job.glows = true;
@@ -202,7 +207,7 @@ static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const
 
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
-  const float footprint = fum_footprint_sigmas(r->settings.tolerance);
+  const float footprint = fum_footprint_sigmas(r->scene, r->settings.tolerance);
   const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
   fum_tile_class classes[FUM_MAX_CLASSES];
   fum_lighting lighting = {0};

@@ -34,7 +34,7 @@ static int32_t find_spots(fum_rendering *r, spots *s) {
   int32_t status = fum_reach_find(context, all, 0.1F * r->settings.tolerance, &reaches);
   if (status == FUM_OK) status = fum_alloc(context, pixels, sizeof *s->depths, what, &s->depths);
   if (status == FUM_OK)
-    status = fum_depth_find(context, all, reaches, view, r->solid.depths, FUM_DEPTH_OF_MIDDLE, s->depths);
+    status = fum_depth_find(r->scene, all, reaches, view, r->solid.depths, FUM_DEPTH_OF_MIDDLE, s->depths);
   if (status == FUM_OK) status = fum_alloc(context, pixels, sizeof *s->pixels, what, &s->pixels);
   for (int64_t i = 0; i < pixels && status == FUM_OK; i++) {
     if (has_smoke(r, s, i)) s->pixels[s->count++] = (uint32_t)i;

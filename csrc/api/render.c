@@ -55,8 +55,7 @@ static int32_t make_depths(fum_rendering *r) {
   /* Depth is where the transmittance passes one half; a tenth of the tolerance there is a small step in depth. */
   int32_t status = fum_reach_find(r->context, all, 0.1F * r->settings.tolerance, &reaches);
   for (int k = 0; k < 3 && status == FUM_OK; k++) {
-    if (depths[k] != NULL)
-      status = fum_depth_find(r->context, all, reaches, &r->view, r->solid.depths, of[k], depths[k]);
+    if (depths[k] != NULL) status = fum_depth_find(r->scene, all, reaches, &r->view, r->solid.depths, of[k], depths[k]);
   }
   fum_free(r->context, &reaches);
   return status;

@@ -2,6 +2,7 @@
 #include "billboard/arrange.h"
 
 #include "base/radix.h"
+#include "billboard/dust.h"
 #include "lighting/slabs.h"
 
 #include <string.h>
@@ -51,8 +52,7 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
   fum_context *context = scene->context;
   const uint64_t unseen = UINT64_MAX;
   /* A billboard thinner than a pixel is widened to about one. */
-  const double pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
-                            (view->window[3] - view->window[2]) / (double)view->height);
+  const double pixel = fum_view_pixel(view);
   uint64_t *keys = NULL;
   uint32_t *ranks = NULL;
   int64_t seen = 0;
@@ -117,4 +117,55 @@ void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, co
     b->optical_depth = (float)fmin(density * sigma * FUM_SQRT_2PI, 1e30);
     shade(set, i, light + 3 * (int64_t)rank, density, b);
   }
+}
+
+/* Lists the maps of the scene and where each begins among all texels, by set. */
+static int32_t list_maps(const fum_scene *scene, int64_t *begins, fum_billboard_maps *out) {
+  int64_t rows = 0;
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_map *map = scene->particles[s].map;
+    begins[s] = rows * FUM_MAP_ROW;
+    if (map == NULL) continue;
+    out->maps[out->count++] = map;
+    rows += fum_billboard_rows(map);
+  }
+  if (rows * FUM_MAP_ROW <= INT32_MAX) return FUM_OK;
+  return fum_fail(scene->context, FUM_ERROR_MEMORY, "maps of %lld texels are too many for OpenGL",
+                  (long long)(rows * FUM_MAP_ROW));
+}
+
+int32_t fum_arrange_maps(const fum_scene *scene, const fum_octree *octree, const fum_view *view, int64_t count,
+                         const uint32_t *ranks, fum_billboard_maps *out_maps) {
+  fum_context *context = scene->context;
+  const double pixel = fum_view_pixel(view);
+  int64_t *begins = NULL;
+  int32_t status = fum_alloc(context, scene->particles_count, sizeof *begins, "maps", &begins);
+  if (status == FUM_OK)
+    status = fum_alloc(context, scene->particles_count, sizeof *out_maps->maps, "maps", &out_maps->maps);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *out_maps->looks, "maps", &out_maps->looks);
+  if (status == FUM_OK) status = list_maps(scene, begins, out_maps);
+  if (status != FUM_OK) goto done;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t n = 0; n < count; n++) {
+    if (fum_progress_in_loop(context, n, CHECK_STRIDE)) continue;
+    const uint32_t rank = ranks[n], index = octree->indices[rank];
+    const fum_particles *set = fum_scene_particles_of(scene, index);
+    double center[3];
+    if (set->map == NULL) continue;
+    to_camera(octree, view, rank, center);
+    const double sigma = (double)set->sigmas[index - set->offset];
+    const double depth = view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -center[2]) : 1.0;
+    const double width = fmax(sigma, FUM_MIN_SIGMA_PIXELS * pixel * depth);
+    fum_map_look_find(set, index - set->offset, view, center, sigma, width, &out_maps->looks[n]);
+    out_maps->looks[n].begin += (int32_t)begins[set - scene->particles];
+  }
+  if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
+done:
+  fum_free(context, &begins);
+  return status;
+}
+
+void fum_arrange_free_maps(fum_context *context, fum_billboard_maps *maps) {
+  fum_free(context, &maps->maps);
+  fum_free(context, &maps->looks);
 }

@@ -16,4 +16,9 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
 void fum_arrange_billboards(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const float *light,
                             int64_t count, const uint32_t *ranks, fum_billboard *out_billboards);
 
+/* How the maps of the particles `ranks` are seen. `out_maps` is zeroed, and freed also on failure. */
+int32_t fum_arrange_maps(const fum_scene *scene, const fum_octree *octree, const fum_view *view, int64_t count,
+                         const uint32_t *ranks, fum_billboard_maps *out_maps);
+void fum_arrange_free_maps(fum_context *context, fum_billboard_maps *maps);
+
 #endif

@@ -3,7 +3,7 @@
 #ifndef FUM_BILLBOARD_BILLBOARD_H
 #define FUM_BILLBOARD_BILLBOARD_H
 
-#include "fumarole.h"
+#include "billboard/map_look.h"
 
 /* One particle as drawn: the source function fills its Gaussian of optical depth. Camera space looks along -Z. */
 typedef struct fum_billboard {
@@ -12,6 +12,21 @@ typedef struct fum_billboard {
   float optical_depth; /* through the centre, from end to end: density sigma sqrt(2 pi) */
   float source[3];     /* source function: radiance that a fully opaque particle shows */
 } fum_billboard;
+
+/* Maps on billboards. */
+typedef struct fum_billboard_maps {
+  int32_t count;
+  const fum_map **maps; /* [count] */
+  fum_map_look *looks;  /* [billboards]; each begins at its texel of all maps one after the other, fum_billboard_rows
+                           apart; width 0: no map */
+} fum_billboard_maps;
+
+/* All maps together are kept in rows of this many texels. */
+enum { FUM_MAP_ROW = 4096 };
+
+static inline int64_t fum_billboard_rows(const fum_map *map) {
+  return (map->texel_count + FUM_MAP_ROW - 1) / FUM_MAP_ROW;
+}
 
 /* The picture's geometry; see fum_camera. */
 typedef struct fum_frame {
@@ -22,6 +37,7 @@ typedef struct fum_frame {
   float footprint_sigmas; /* a thin billboard is drawn out to this many sigmas from its centre; see fum_footprint */
   const float
       *solid_depths; /* [height][width] depth along the axis of the nearest solid (clip_end if none); NULL: none */
+  const fum_billboard_maps *maps; /* NULL: none */
 } fum_frame;
 
 #endif

@@ -4,6 +4,10 @@
 #ifndef FUM_BILLBOARD_DUST_H
 #define FUM_BILLBOARD_DUST_H
 
+/* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
+ * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
+static const double FUM_MIN_SIGMA_PIXELS = 0.6;
+
 /* The optical depth with which a Gaussian that is 1 / ratio times wider covers the same area; 0 < ratio <= 1. */
 double fum_dust_widened(double optical_depth, double ratio);
 

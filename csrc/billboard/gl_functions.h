@@ -27,6 +27,7 @@
   X(PFNGLDELETESHADERPROC, DeleteShader)                                                                               \
   X(PFNGLDISABLEPROC, Disable)                                                                                         \
   X(PFNGLDRAWARRAYSPROC, DrawArrays)                                                                                   \
+  X(PFNGLDISABLEVERTEXATTRIBARRAYPROC, DisableVertexAttribArray)                                                       \
   X(PFNGLENABLEPROC, Enable)                                                                                           \
   X(PFNGLENABLEVERTEXATTRIBARRAYPROC, EnableVertexAttribArray)                                                         \
   X(PFNGLFINISHPROC, Finish)                                                                                           \
@@ -58,6 +59,7 @@
   X(PFNGLUNIFORM2FPROC, Uniform2f)                                                                                     \
   X(PFNGLUNIFORM4FVPROC, Uniform4fv)                                                                                   \
   X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                                   \
+  X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)                                                               \
   X(PFNGLVERTEXATTRIBPOINTERPROC, VertexAttribPointer)                                                                 \
   X(PFNGLVIEWPORTPROC, Viewport)
 

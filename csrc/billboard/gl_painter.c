@@ -23,6 +23,7 @@ static void query_device(fum_gl_painter *painter) {
   gl->GetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &renderbuffer);
   gl->GetIntegerv(GL_MAX_TEXTURE_SIZE, &texture);
   gl->GetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport);
+  painter->largest_texture = texture;
   painter->largest_side = min_side(min_side(renderbuffer, texture), min_side(viewport[0], viewport[1]));
   const GLubyte *name = gl->GetString(GL_RENDERER);
   snprintf(painter->device, sizeof painter->device, "%s", name != NULL ? (const char *)name : "OpenGL");
@@ -43,6 +44,67 @@ static void create_vertex_array(fum_gl_painter *painter) {
   gl->EnableVertexAttribArray(1);
 }
 
+/* What billboards with maps need beside: the program, and room for how maps are seen. */
+static int32_t prepare_maps(fum_gl_painter *painter, fum_gl_error *error) {
+  const fum_gl_functions *gl = &painter->gl;
+  fum_gl_program program = {0};
+  if (painter->mapped_program.program != 0) return FUM_OK;
+  const int32_t status = fum_gl_program_create(&program, gl, true, error);
+  if (status != FUM_OK) return status;
+  gl->GenBuffers(1, &painter->look_buffer);
+  gl->BindBuffer(GL_ARRAY_BUFFER, painter->look_buffer);
+  gl->BufferData(GL_ARRAY_BUFFER, FUM_GL_MOST_BILLBOARDS * (GLsizeiptr)sizeof(fum_map_look), NULL, GL_STREAM_DRAW);
+  gl->VertexAttribPointer(2, 4, GL_FLOAT, GL_FALSE, sizeof(fum_map_look), (const void *)offsetof(fum_map_look, across));
+  gl->VertexAttribPointer(3, 3, GL_FLOAT, GL_FALSE, sizeof(fum_map_look), (const void *)offsetof(fum_map_look, up));
+  gl->VertexAttribIPointer(4, 4, GL_INT, sizeof(fum_map_look), (const void *)offsetof(fum_map_look, begin));
+  gl->BindBuffer(GL_ARRAY_BUFFER, painter->vertex_buffer);
+  gl->ActiveTexture(GL_TEXTURE0 + FUM_GL_MAPS_UNIT);
+  gl->GenTextures(1, &painter->map_texture);
+  gl->BindTexture(GL_TEXTURE_2D, painter->map_texture);
+  gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  gl->ActiveTexture(GL_TEXTURE0 + FUM_GL_SOLIDS_UNIT);
+  painter->mapped_program = program;
+  return fum_gl_check(gl, "making room for maps", error);
+}
+
+/* All maps' texels one after the other, each from the beginning of a row on. */
+static int32_t upload_maps(fum_gl_painter *painter, const fum_billboard_maps *maps, fum_gl_error *error) {
+  const fum_gl_functions *gl = &painter->gl;
+  int64_t rows = 0;
+  for (int32_t m = 0; m < maps->count; m++)
+    rows += fum_billboard_rows(maps->maps[m]);
+  if (rows > painter->largest_texture) {
+    return fum_gl_error_set(error, FUM_ERROR_DEVICE, "the OpenGL device \"%s\" has no room for maps of %lld texels",
+                            painter->device, (long long)(rows * FUM_MAP_ROW));
+  }
+  gl->ActiveTexture(GL_TEXTURE0 + FUM_GL_MAPS_UNIT);
+  gl->PixelStorei(GL_UNPACK_ROW_LENGTH, 0);
+  gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, FUM_MAP_ROW, (GLsizei)rows, 0, GL_RGBA, GL_FLOAT, NULL);
+  int32_t status = fum_gl_check(gl, "making room for maps", error);
+  GLint row = 0;
+  for (int32_t m = 0; m < maps->count && status == FUM_OK; m++) {
+    const fum_map *map = maps->maps[m];
+    const GLsizei whole = (GLsizei)(map->texel_count / FUM_MAP_ROW), rest = (GLsizei)(map->texel_count % FUM_MAP_ROW);
+    const float *last = map->texels + 4 * (int64_t)whole * FUM_MAP_ROW;
+    if (whole > 0) gl->TexSubImage2D(GL_TEXTURE_2D, 0, 0, row, FUM_MAP_ROW, whole, GL_RGBA, GL_FLOAT, map->texels);
+    if (rest > 0) gl->TexSubImage2D(GL_TEXTURE_2D, 0, 0, row + whole, rest, 1, GL_RGBA, GL_FLOAT, last);
+    row += (GLint)fum_billboard_rows(map);
+    status = fum_gl_check(gl, "uploading maps", error);
+  }
+  gl->ActiveTexture(GL_TEXTURE0 + FUM_GL_SOLIDS_UNIT);
+  return status;
+}
+
+/* Turns what is drawn with maps on or off. */
+static int32_t use_maps(fum_gl_painter *painter, const fum_billboard_maps *maps, fum_gl_error *error) {
+  const fum_gl_functions *gl = &painter->gl;
+  int32_t status = maps != NULL ? prepare_maps(painter, error) : FUM_OK;
+  for (GLuint attribute = 2; attribute <= 4 && status == FUM_OK; attribute++)
+    (maps != NULL ? gl->EnableVertexAttribArray : gl->DisableVertexAttribArray)(attribute);
+  return status == FUM_OK && maps != NULL ? upload_maps(painter, maps, error) : status;
+}
+
 static void create_target(fum_gl_painter *painter) {
   const fum_gl_functions *gl = &painter->gl;
   gl->GenRenderbuffers(1, &painter->color_buffer);
@@ -50,7 +112,7 @@ static void create_target(fum_gl_painter *painter) {
   gl->GenFramebuffers(1, &painter->framebuffer);
   gl->BindFramebuffer(GL_FRAMEBUFFER, painter->framebuffer);
   gl->GenTextures(1, &painter->solid_texture);
-  gl->ActiveTexture(GL_TEXTURE0);
+  gl->ActiveTexture(GL_TEXTURE0 + FUM_GL_SOLIDS_UNIT);
   gl->BindTexture(GL_TEXTURE_2D, painter->solid_texture);
   gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
@@ -97,7 +159,7 @@ int32_t fum_gl_painter_open(fum_gl_painter *painter, fum_gl_error *error) {
   if (status != FUM_OK) return status;
   if ((status = fum_gl_functions_load(&painter->gl, &painter->egl, error)) != FUM_OK) goto done;
   query_device(painter);
-  if ((status = fum_gl_program_create(&painter->program, &painter->gl, error)) != FUM_OK) goto done;
+  if ((status = fum_gl_program_create(&painter->program, &painter->gl, false, error)) != FUM_OK) goto done;
   create_vertex_array(painter);
   create_target(painter);
   if ((status = fum_gl_check(&painter->gl, "making buffers", error)) != FUM_OK) goto done;
@@ -146,6 +208,12 @@ static int32_t draw_batch(fum_gl_painter *painter, const fum_gl_job *job, const 
   const fum_gl_functions *gl = &painter->gl;
   gl->BufferSubData(GL_ARRAY_BUFFER, 0, batch->count * (GLsizeiptr)sizeof(fum_billboard),
                     job->billboards + batch->first);
+  if (job->frame->maps != NULL) {
+    gl->BindBuffer(GL_ARRAY_BUFFER, painter->look_buffer);
+    gl->BufferSubData(GL_ARRAY_BUFFER, 0, batch->count * (GLsizeiptr)sizeof(fum_map_look),
+                      job->frame->maps->looks + batch->first);
+    gl->BindBuffer(GL_ARRAY_BUFFER, painter->vertex_buffer);
+  }
   for (int32_t band = 0; band < batch->bands; band++) {
     const int32_t bottom = (int32_t)((int64_t)tile->height * band / batch->bands);
     const int32_t top = (int32_t)((int64_t)tile->height * (band + 1) / batch->bands);
@@ -181,7 +249,8 @@ static int32_t draw_tile(fum_gl_painter *painter, const fum_gl_job *job, const f
   const fum_gl_functions *gl = &painter->gl;
   int32_t status = upload_solids(painter, job->frame, tile, error);
   if (status != FUM_OK) return status;
-  fum_gl_program_set_tile(&painter->program, gl, job->frame, tile);
+  fum_gl_program_set_tile(job->frame->maps != NULL ? &painter->mapped_program : &painter->program, gl, job->frame,
+                          tile);
   gl->Viewport(0, 0, tile->width, tile->height);
   gl->Disable(GL_SCISSOR_TEST);
   gl->Clear(GL_COLOR_BUFFER_BIT);
@@ -206,6 +275,7 @@ int32_t fum_gl_painter_draw(fum_gl_painter *painter, const fum_gl_job *job, fum_
   const int32_t rows = (frame->height + tile_height - 1) / tile_height;
   const double tile_share = 1.0 / ((double)columns * rows);
   int32_t status = resize_target(painter, tile_width, tile_height, error);
+  if (status == FUM_OK) status = use_maps(painter, frame->maps, error);
   for (int32_t i = 0; i < columns * rows && status == FUM_OK; i++) {
     const int32_t x = i % columns * tile_width, y = i / columns * tile_height;
     const fum_gl_tile tile = {.x = x,

@@ -9,10 +9,10 @@
 typedef struct fum_gl_painter {
   fum_egl egl;
   fum_gl_functions gl;
-  fum_gl_program program;
-  GLuint vertex_array, vertex_buffer, framebuffer, color_buffer, solid_texture;
+  fum_gl_program program, mapped_program; /* the second is made when first needed: program 0 before */
+  GLuint vertex_array, vertex_buffer, look_buffer, framebuffer, color_buffer, solid_texture, map_texture;
   int32_t target_width, target_height, solid_width, solid_height; /* as allocated; 0: not yet */
-  int32_t largest_side;                                           /* of a target, pixels */
+  int32_t largest_side, largest_texture;                          /* of a target and of a texture, pixels */
   double fragments_per_s;                                         /* of the last batch */
   char device[128];
 } fum_gl_painter;

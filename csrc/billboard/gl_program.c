@@ -5,10 +5,11 @@
 extern const char fum_shader_billboard_vert[], fum_shader_billboard_geom[], fum_shader_billboard_frag[];
 
 static int32_t attach_shader(GLuint program, const fum_gl_functions *gl, GLenum stage, const char *name,
-                             const char *source, fum_gl_error *error) {
+                             const char *source, bool has_maps, fum_gl_error *error) {
   GLint compiled = GL_FALSE;
+  const char *parts[] = {"#version 330 core\n", has_maps ? "#define MAPS\n" : "", source};
   const GLuint shader = gl->CreateShader(stage);
-  gl->ShaderSource(shader, 1, &source, NULL);
+  gl->ShaderSource(shader, 3, parts, NULL);
   gl->CompileShader(shader);
   gl->GetShaderiv(shader, GL_COMPILE_STATUS, &compiled);
   if (!compiled) {
@@ -30,9 +31,11 @@ static void find_uniforms(fum_gl_program *program, const fum_gl_functions *gl) {
   program->clip_depths = gl->GetUniformLocation(program->program, "clip_depths");
   program->footprint_sigmas = gl->GetUniformLocation(program->program, "footprint_sigmas");
   program->has_solids = gl->GetUniformLocation(program->program, "has_solids");
+  program->solid_depths = gl->GetUniformLocation(program->program, "solid_depths");
+  program->maps = gl->GetUniformLocation(program->program, "maps");
 }
 
-int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, fum_gl_error *error) {
+int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, bool has_maps, fum_gl_error *error) {
   const struct {
     GLenum stage;
     const char *name, *source;
@@ -42,7 +45,7 @@ int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *g
   program->program = gl->CreateProgram();
   for (size_t i = 0; i < sizeof shaders / sizeof *shaders; i++) {
     const int32_t status =
-        attach_shader(program->program, gl, shaders[i].stage, shaders[i].name, shaders[i].source, error);
+        attach_shader(program->program, gl, shaders[i].stage, shaders[i].name, shaders[i].source, has_maps, error);
     if (status != FUM_OK) return status;
   }
   GLint linked = GL_FALSE;
@@ -53,13 +56,13 @@ int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *g
     gl->GetProgramInfoLog(program->program, sizeof log, NULL, log);
     return fum_gl_error_set(error, FUM_ERROR_DEVICE, "the OpenGL driver can't link the billboard shaders: %s", log);
   }
-  gl->UseProgram(program->program);
   find_uniforms(program, gl);
   return fum_gl_check(gl, "building the shaders", error);
 }
 
 void fum_gl_program_set_tile(const fum_gl_program *program, const fum_gl_functions *gl, const fum_frame *frame,
                              const fum_gl_tile *tile) {
+  gl->UseProgram(program->program);
   gl->Uniform1i(program->orthographic, frame->type == FUM_CAMERA_ORTHOGRAPHIC);
   gl->Uniform4fv(program->window, 1, frame->window);
   gl->Uniform2f(program->frame_size, (float)frame->width, (float)frame->height);
@@ -68,4 +71,6 @@ void fum_gl_program_set_tile(const fum_gl_program *program, const fum_gl_functio
   gl->Uniform2f(program->clip_depths, frame->clip_start, frame->clip_end);
   gl->Uniform1f(program->footprint_sigmas, frame->footprint_sigmas);
   gl->Uniform1i(program->has_solids, frame->solid_depths != NULL);
+  gl->Uniform1i(program->solid_depths, FUM_GL_SOLIDS_UNIT);
+  gl->Uniform1i(program->maps, FUM_GL_MAPS_UNIT); /* -1, which is no matter, without maps */
 }

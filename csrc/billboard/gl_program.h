@@ -14,12 +14,16 @@ typedef struct fum_gl_tile {
 typedef struct fum_gl_program {
   GLuint program;
   GLint orthographic, window, frame_size, tile_origin, tile_size, clip_depths, footprint_sigmas, has_solids;
+  GLint solid_depths, maps; /* samplers */
 } fum_gl_program;
 
-/* Compiles and links the shaders built into the library, and makes them current. */
-int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, fum_gl_error *error);
+/* Texture units. */
+enum { FUM_GL_SOLIDS_UNIT = 0, FUM_GL_MAPS_UNIT = 1 };
 
-/* What the shaders need to know about a tile of a frame. */
+/* Compiles and links the shaders built into the library, for billboards with maps or without. */
+int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, bool has_maps, fum_gl_error *error);
+
+/* Makes the program current and tells it what it needs to know about a tile of a frame. */
 void fum_gl_program_set_tile(const fum_gl_program *program, const fum_gl_functions *gl, const fum_frame *frame,
                              const fum_gl_tile *tile);
 

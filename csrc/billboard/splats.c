@@ -4,10 +4,6 @@
 #include "base/vector.h"
 #include "billboard/dust.h"
 
-/* The smallest sigma drawn, in pixels. Pixels sample the Gaussian at their centres; by Poisson's summation formula the
- * sum of the samples differs from the integral by up to 4 exp(-2 pi^2 s^2): 0.3 % at 0.6. */
-static const double MIN_SIGMA_PIXELS = 0.6;
-
 /* Reach along the view over the footprint's sigmas: what lies beyond isn't lost, it is taken to be at the ends. */
 static const double ALONG_SHARE = 0.72;
 
@@ -102,7 +98,7 @@ static fum_splat see(const lens *l, int64_t i) {
   fum_transform_point(view->camera_from_local, local, c);
   fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
-  const double width = fum_most(sigma, MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? fum_most(-c[2], 0.0) : 1.0));
+  const double width = fum_most(sigma, FUM_MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? fum_most(-c[2], 0.0) : 1.0));
   double optical_depth = (double)fum_max(octree->optical_depths[i], l->thinnest);
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;

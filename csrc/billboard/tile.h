@@ -45,6 +45,8 @@ typedef struct fum_tile_job {
   bool is_uniform;               /* one class, one albedo and no emission: only optical depth is added up... */
   float albedo[3];               /* ...and this is the albedo */
   bool glows;                    /* emission is added up as well */
+  bool has_maps;                 /* some particles have a map... */
+  bool ignores_map_colors;       /* ...whose colours are no matter of `values` */
   const float *centre_light; /* [3 octree->count] of particles that are lit at their centres, as of fum_inscatter, and
                                 counted as emission; NULL: light comes from the lattice */
   const float *values;       /* [3 octree->count] any quantity of the particles: drawn instead of what they emit, as its

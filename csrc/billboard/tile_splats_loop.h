@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The part of tile_loop.h that adds up a tile's splats in its slabs. */
+#include "billboard/map_look.h"
 #include "billboard/tile_rays.h"
 
 #include <string.h>
@@ -73,6 +74,49 @@ static void deposit(const tile *t, float *at, fum_vf depth, const float *look) {
   }
 }
 
+/* A splat's map, and what it holds at the pixels of a vector: red, green, blue and opacity. */
+typedef struct splat_map {
+  const fum_map *map;
+  fum_map_look look;
+  fum_vf here[4];
+} splat_map;
+
+/* False if the splat has no map. */
+static bool find_map(const fum_tile_job *job, uint32_t splat, splat_map *out) {
+  if (!job->has_maps) return false;
+  const fum_splat *s = &job->splats->splats[splat];
+  const uint32_t index = job->octree->indices[splat];
+  const fum_particles *set = fum_scene_particles_of(job->scene, index);
+  const double center[3] = {(double)s->center[0], (double)s->center[1], (double)s->center[2]};
+  if (set->map == NULL) return false;
+  out->map = set->map;
+  fum_map_look_find(set, index - set->offset, job->view, center, (double)s->sigma, (double)s->width, &out->look);
+  out->look.is_colored = !job->ignores_map_colors;
+  return true;
+}
+
+static void read_map(const tile *t, int32_t pixel, splat_map *m) {
+  const float *a = m->look.across, *b = m->look.up;
+  const fum_vf u = fum_vf_load(t->u + pixel), v = fum_vf_load(t->v + pixel);
+  const fum_vf inverse_length = fum_vf_load(t->inverse_length + pixel);
+  const fum_vf x = 0.5F + (u * a[0] + v * a[1] + a[2]) * inverse_length;
+  const fum_vf y = 0.5F + (u * b[0] + v * b[1] + b[2]) * inverse_length;
+  for (int lane = 0; lane < FUM_LANES; lane++) {
+    const fum_map_texel texel = fum_map_read(m->map, &m->look, x[lane], y[lane]);
+    for (int c = 0; c < 4; c++)
+      m->here[c][lane] = texel[c];
+  }
+}
+
+/* `depth` without the map. */
+static void deposit_mapped(const tile *t, float *at, fum_vf depth, const float *look, const splat_map *m) {
+  fum_vf_store(at, fum_vf_load(at) + depth * m->here[3]);
+  for (int32_t c = 1; c < t->channels; c++) {
+    float *channel = at + (int64_t)c * FUM_TILE_PIXELS;
+    fum_vf_store(channel, fum_vf_load(channel) + depth * look[c - 1] * m->here[(c - 1) % 3]);
+  }
+}
+
 /* What a far splat leaves in each slab that it reaches into, and how that changes as the splat moves along the view by
  * one metre. */
 typedef struct share {
@@ -139,7 +183,8 @@ static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_v
 /* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
  * it d^2 / (2 range) before it, on average width^2 / range; to first order in what is left, all pixels have the same
  * shares. A widened splat stands for something small: it has its shares where it is. */
-static void splat_far(const tile *t, const fum_splat *s, const patch *p, const float *look, float *slabs) {
+static inline __attribute__((always_inline)) void splat_far(const tile *t, const fum_splat *s, const patch *p,
+                                                            const float *look, splat_map *map, float *slabs) {
   share shares;
   const footprint f = find_footprint(t, s);
   const float bend = f.is_perspective && !(s->width > s->sigma) ? 0.5F / s->range : 0.0F;
@@ -155,7 +200,8 @@ static void splat_far(const tile *t, const fum_splat *s, const patch *p, const f
       const fum_vf gauss = find_gauss(t, &f, p->blocks[n] + k, &squared);
       const fum_vf moved = gauss * (bend * (mean_squared - squared));
       float *at = first + p->blocks[n] + k;
-      if (is_uniform && !moves) {
+      if (map != NULL) read_map(t, p->blocks[n] + k, map);
+      if (map == NULL && is_uniform && !moves) {
         for (int32_t j = 0; j < count; j++, at += stride)
           fum_vf_store(at, fum_vf_load(at) + gauss * shares.of[j]);
         continue;
@@ -163,7 +209,9 @@ static void splat_far(const tile *t, const fum_splat *s, const patch *p, const f
       for (int32_t j = 0; j < count; j++, at += stride) {
         const fum_vf part =
             moves ? fum_vf_at_least(gauss * shares.of[j] + moved * shares.change[j], 0.0F) : gauss * shares.of[j];
-        if (is_uniform) {
+        if (map != NULL) {
+          deposit_mapped(t, at, part, look, map);
+        } else if (is_uniform) {
           fum_vf_store(at, fum_vf_load(at) + part);
         } else {
           deposit(t, at, part, look);
@@ -174,7 +222,8 @@ static void splat_far(const tile *t, const fum_splat *s, const patch *p, const f
 }
 
 /* Any splat: every pixel's ray has its own nearest point and its own ends. */
-static void splat_near(const tile *t, const fum_splat *s, const patch *p, const float *look, float *slabs) {
+static inline __attribute__((always_inline)) void splat_near(const tile *t, const fum_splat *s, const patch *p,
+                                                             const float *look, splat_map *map, float *slabs) {
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float *c = s->center, inverse_sigma = 1.0F / s->sigma;
   const float falloff = -HALF_LOG2_E / (s->width * s->width);
@@ -194,13 +243,38 @@ static void splat_near(const tile *t, const fum_splat *s, const patch *p, const 
       const fum_vf gauss = s->optical_depth * fum_vf_exp2(end_at(squared * falloff, least));
       const fum_vf near = fum_vf_load(t->near + pixel), far = vf_max(near, fum_vf_load(t->far + pixel));
       fum_vf begin = near;
+      if (map != NULL) read_map(t, pixel, map);
       for (int32_t j = first; j <= last; j++) {
         const fum_vf end = j == last ? far : vf_max(begin, vf_min(fum_vf_set(t->ranges[j + 1]), far));
         const fum_vf part = fum_vf_normal_interval((begin - nearest) * inverse_sigma, (end - nearest) * inverse_sigma);
-        deposit(t, slabs + j * slab_stride(t) + pixel, gauss * part, look);
+        float *at = slabs + j * slab_stride(t) + pixel;
+        if (map != NULL) {
+          deposit_mapped(t, at, gauss * part, look, map);
+        } else {
+          deposit(t, at, gauss * part, look);
+        }
         begin = end;
       }
     }
+  }
+}
+
+/* The same loops without maps and with them, each compiled for itself: maps cost nothing where there are none. */
+static void splat_plain(const tile *t, const fum_splat *s, const patch *p, const float *look, bool is_far,
+                        float *slabs) {
+  if (is_far) {
+    splat_far(t, s, p, look, NULL, slabs);
+  } else {
+    splat_near(t, s, p, look, NULL, slabs);
+  }
+}
+
+static void splat_mapped(const tile *t, const fum_splat *s, const patch *p, const float *look, bool is_far,
+                         splat_map *map, float *slabs) {
+  if (is_far) {
+    splat_far(t, s, p, look, map, slabs);
+  } else {
+    splat_near(t, s, p, look, map, slabs);
   }
 }
 
@@ -209,6 +283,7 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
       30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   float look[MAX_LOOK];
+  splat_map map;
   patch p;
   for (int64_t n = 0; n < count; n++) {
     const fum_splat *s = &t->job->splats->splats[indices[n]];
@@ -217,6 +292,10 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     const float reach = 1.125F * s->reach;
     const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
     const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);
-    (is_clear && is_far ? splat_far : splat_near)(t, s, &p, look, slabs);
+    if (find_map(t->job, indices[n], &map)) {
+      splat_mapped(t, s, &p, look, is_clear && is_far, &map, slabs);
+    } else {
+      splat_plain(t, s, &p, look, is_clear && is_far, slabs);
+    }
   }
 }

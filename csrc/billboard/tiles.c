@@ -29,6 +29,7 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, fum_tile_class classes[FUM_
   if (status != FUM_OK) return status;
   job->class_count = 0;
   job->is_uniform = true;
+  job->has_maps = fum_scene_map_traits(scene).has_maps;
   job->glows = false;
   job->classes = classes;
   for (int32_t s = 0; s < scene->particles_count; s++) {
@@ -49,7 +50,8 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, fum_tile_class classes[FUM_
     job->glows = job->glows || glows;
     if (first == NULL) first = set;
     const bool is_like_first = set->albedos == NULL && memcmp(set->albedo, first->albedo, sizeof set->albedo) == 0;
-    job->is_uniform = job->is_uniform && is_like_first && job->class_count == 1 && !glows;
+    const bool is_varied = glows || (set->map != NULL && set->map->is_colored);
+    job->is_uniform = job->is_uniform && is_like_first && job->class_count == 1 && !is_varied;
     memcpy(job->albedo, set->albedo, sizeof job->albedo);
   }
   /* Something that glows without absorbing gets an optical depth too thin to be seen. */

@@ -78,7 +78,7 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
   fum_octree *points = NULL, *casters = NULL;
   *out_hidden = hidden;
   /* Smoke before the clip range hides nothing, but lies between the samples and the camera. */
-  if ((double)slabs->faces[0].range <= view->clip_start * 1.0001) return FUM_OK;
+  if (slabs->has_holes || (double)slabs->faces[0].range <= view->clip_start * 1.0001) return FUM_OK;
   int32_t status = fum_alloc(context, hidden.face_count, sizeof *hidden.firsts, "hidden samples", &hidden.firsts);
   if (status != FUM_OK) goto done;
   const int64_t count = lay_values(&hidden);

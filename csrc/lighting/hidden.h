@@ -26,7 +26,8 @@ typedef struct fum_hidden {
   float limit;     /* optical depth from which on nothing shows */
 } fum_hidden;
 
-/* `octree` of all particles. Knows nothing where smoke is cut by the near end of the clip range. */
+/* `octree` of all particles. Knows nothing where smoke is cut by the near end of the clip range,
+ * nor where it has holes. */
 int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                         const fum_lattice_face *faces, float tolerance, fum_hidden *out_hidden);
 void fum_hidden_free(fum_context *context, fum_hidden *hidden);

@@ -21,6 +21,7 @@ typedef struct fum_slabs {
   int32_t count;    /* slabs; 0 when no smoke is in view */
   double thickness; /* extinction times sigma, mean over the smoke in view */
   double depth;    /* optical depth of all smoke where it is thickest, about: spread evenly over its smallest outline */
+  bool has_holes;  /* the camera sees through some particles where these are thick */
   fum_face *faces; /* [count + 1], nearest first */
   double starts_per_metre;
   uint16_t starts[FUM_SLAB_STARTS]; /* slabs at even distances from face 0 on, where searches begin */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "pass/depth.h"
 
+#include "billboard/map_look.h"
 #include "lighting/pairs.h"
 #include "octree/beam.h"
 
@@ -24,8 +25,17 @@ typedef struct block {
   float whole_depth;  /* optical depth of all of it along the pixel's line; NAN until somebody asks */
 } block;
 
+/* A particle with a map among those that were heard. */
+typedef struct mapped {
+  int64_t place; /* in the arrays */
+  const fum_map *map;
+  fum_map_look look;
+} mapped;
+
 /* One thread's tile: the particles near its rays, sorted along them. */
 typedef struct tile {
+  const fum_scene *scene;
+  const fum_view *view;
   const fum_octree *octree;
   const fum_pairs *pairs;
   fum_beam beam;
@@ -35,6 +45,9 @@ typedef struct tile {
   float *arrays; /* x, y, z, inverse sigma, optical depth, each block_count * BLOCK long */
   block *blocks;
   int64_t block_count, block_capacity;
+  bool has_maps;
+  mapped *mapped; /* [mapped_count], room for `capacity` if there are maps */
+  int64_t mapped_count;
   bool is_out_of_memory;
   fum_depth_of of;
 } tile;
@@ -50,6 +63,14 @@ static bool collect(void *user, const fum_octree_node *node, float reach) {
       return false;
     }
     t->heard = grown;
+    if (t->has_maps) {
+      mapped *more = realloc(t->mapped, (size_t)(2 * needed) * sizeof *more);
+      if (more == NULL) {
+        t->is_out_of_memory = true;
+        return false;
+      }
+      t->mapped = more;
+    }
     t->capacity = 2 * needed;
   }
   const fum_octree *octree = t->octree;
@@ -104,6 +125,42 @@ static bool lay_out(tile *t) {
     t->blocks[b] = (block){t->heard[begin].along, t->heard[end - 1].along, 1.0F / narrowest, NAN};
   }
   return true;
+}
+
+/* Notes which of those that were heard have maps, and how these are seen. */
+static void find_maps(tile *t) {
+  const fum_octree *octree = t->octree;
+  t->mapped_count = 0;
+  for (int64_t i = 0; i < t->count && t->has_maps; i++) {
+    const uint32_t rank = t->heard[i].particle, index = octree->indices[rank];
+    const fum_particles *set = fum_scene_particles_of(t->scene, index);
+    if (set->map == NULL) continue;
+    const double local[3] = {(double)octree->x[rank], (double)octree->y[rank], (double)octree->z[rank]};
+    const double sigma = 1.0 / (double)octree->inverse_sigmas[rank];
+    double center[3];
+    mapped *m = &t->mapped[t->mapped_count++];
+    fum_transform_point(t->view->camera_from_local, local, center);
+    m->place = i;
+    m->map = set->map;
+    fum_map_look_find(set, index - set->offset, t->view, center, sigma, sigma, &m->look);
+  }
+}
+
+/* Gives particles with maps the optical depth that they have where the pixel's ray passes. */
+static void read_maps(tile *t, int32_t x, int32_t y) {
+  const fum_view *view = t->view;
+  const double *w = view->window;
+  const float u = (float)(w[0] + (w[1] - w[0]) * (x + 0.5) / view->width);
+  const float v = (float)(w[2] + (w[3] - w[2]) * (y + 0.5) / view->height);
+  const float inverse_length = view->type == FUM_CAMERA_PERSPECTIVE ? 1.0F / sqrtf(1.0F + u * u + v * v) : 1.0F;
+  float *depths = t->arrays + 4 * t->block_count * BLOCK;
+  for (int64_t n = 0; n < t->mapped_count; n++) {
+    const mapped *m = &t->mapped[n];
+    const float place[2] = {0.5F + fum_map_across(m->look.across, u, v) * inverse_length,
+                            0.5F + fum_map_across(m->look.up, u, v) * inverse_length};
+    const float depth = t->octree->optical_depths[t->heard[m->place].particle];
+    depths[m->place] = depth * fum_map_read(m->map, &m->look, place[0], place[1])[3];
+  }
 }
 
 static float sum_block(const tile *t, fum_pairs_fn loop, const fum_segment *segment, int64_t b) {
@@ -217,8 +274,9 @@ static void find_beam(tile *t, const fum_view *view, const int32_t corner[2], co
   t->beam.slope = 2.0F * t->bend; /* the tangent of the small angle, with room */
 }
 
-static void find_tile(tile *t, const float *reaches, const fum_view *view, const float *solid_depths, int32_t x0,
-                      int32_t y0, float *out_depths) {
+static void find_tile(tile *t, const float *reaches, const float *solid_depths, int32_t x0, int32_t y0,
+                      float *out_depths) {
+  const fum_view *view = t->view;
   const int32_t corner[2] = {x0, y0};
   const int32_t size[2] = {view->width - x0 < TILE ? view->width - x0 : TILE,
                            view->height - y0 < TILE ? view->height - y0 : TILE};
@@ -232,6 +290,7 @@ static void find_tile(tile *t, const float *reaches, const fum_view *view, const
       t->is_out_of_memory = true;
       return;
     }
+    find_maps(t);
   }
   for (int32_t y = y0; y < y0 + size[1]; y++) {
     for (int32_t x = x0; x < x0 + size[0]; x++) {
@@ -241,6 +300,7 @@ static void find_tile(tile *t, const float *reaches, const fum_view *view, const
       const double far = fmin(extent[1], solid);
       if (t->count == 0 || far <= extent[0]) continue;
       const pixel_ray ray = make_ray(view, x + 0.5, y + 0.5, extent[0], far);
+      read_maps(t, x, y);
       const float length = find_length(t, ray.segment);
       if (length < ray.segment.length) {
         out_depths[pixel] = (float)(ray.start_depth + (double)length * ray.depth_per_metre);
@@ -253,10 +313,12 @@ static void free_tile(tile *t) {
   free(t->heard);
   free(t->arrays);
   free(t->blocks);
+  free(t->mapped);
 }
 
-int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const float *reaches, const fum_view *view,
+int32_t fum_depth_find(const fum_scene *scene, const fum_octree *octree, const float *reaches, const fum_view *view,
                        const float *solid_depths, fum_depth_of of, float *out_depths) {
+  fum_context *context = scene->context;
   const int64_t across = (view->width + TILE - 1) / TILE, count = across * ((view->height + TILE - 1) / TILE);
   if (octree->node_count == 0) {
     const int64_t pixels = (int64_t)view->width * view->height;
@@ -268,12 +330,16 @@ int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const flo
   atomic_bool is_out_of_memory = false;
 #pragma omp parallel num_threads(fum_thread_count(context))
   {
-    tile t = {.octree = octree, .pairs = fum_pairs_get(), .of = of};
+    tile t = {.scene = scene,
+              .view = view,
+              .octree = octree,
+              .pairs = fum_pairs_get(),
+              .has_maps = fum_scene_map_traits(scene).has_maps,
+              .of = of};
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < count; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
-      find_tile(&t, reaches, view, solid_depths, (int32_t)(i % across) * TILE, (int32_t)(i / across) * TILE,
-                out_depths);
+      find_tile(&t, reaches, solid_depths, (int32_t)(i % across) * TILE, (int32_t)(i / across) * TILE, out_depths);
       if (t.is_out_of_memory) atomic_store(&is_out_of_memory, true);
       const int64_t done = atomic_fetch_add(&tiles_done, 1) + 1;
       if (omp_get_thread_num() == 0) {

@@ -5,6 +5,7 @@
 #define FUM_PASS_DEPTH_H
 
 #include "octree/octree.h"
+#include "scene/scene.h"
 #include "scene/view.h"
 
 /* Which depth. */
@@ -15,9 +16,9 @@ typedef enum fum_depth_of {
   FUM_DEPTH_OF_BACK    /* where a twentieth of it lies behind */
 } fum_depth_of;
 
-/* out_depths [height][width]. `octree` of all particles; `reaches` of fum_reach_find; `solid_depths`
+/* out_depths [height][width]. `octree` of all particles of the scene; `reaches` of fum_reach_find; `solid_depths`
  * [height][width] with clip_end where there is none, or NULL. */
-int32_t fum_depth_find(fum_context *context, const fum_octree *octree, const float *reaches, const fum_view *view,
+int32_t fum_depth_find(const fum_scene *scene, const fum_octree *octree, const float *reaches, const fum_view *view,
                        const float *solid_depths, fum_depth_of of, float *out_depths);
 
 #endif

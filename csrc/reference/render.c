@@ -91,6 +91,7 @@ static int32_t prepare(render *r) {
   if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_OCTREE, 0.0F, "Sorting particles into cells");
   if (status == FUM_OK) status = fum_solids_build(r->scene, &r->solids);
   if (status == FUM_OK) status = fum_smoke_init(r->scene, CUT_SHARE * r->settings.tolerance, &r->smoke);
+  if (status == FUM_OK) status = fum_smoke_look(&r->smoke, &r->view);
   return status;
 }
 

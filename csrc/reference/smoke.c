@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "reference/smoke.h"
 
+#include "base/hash.h"
 #include "base/radix.h"
 #include "base/vector.h"
 
@@ -31,7 +32,8 @@ static fum_gaussian make_gaussian(const fum_scene *scene, int32_t s, int64_t i, 
   for (int c = 0; c < 3; c++)
     g.tint[c] = (double)tint[c];
   const double most = fmax(g.tint[0], fmax(g.tint[1], g.tint[2])), depth = most * g.density * g.sigma * FUM_SQRT_2PI;
-  g.cut = g.sigma * sqrt(2.0 * log(fmax(depth, 1.0) / lost));
+  const double edge = set->map != NULL ? (double)set->map->edge : 1.0;
+  g.cut = g.sigma * sqrt(2.0 * log(edge * fmax(depth, 1.0) / lost));
   return g;
 }
 
@@ -132,6 +134,18 @@ int32_t fum_smoke_init(fum_scene *scene, double lost, fum_smoke *out_smoke) {
 void fum_smoke_free(fum_smoke *smoke) {
   fum_free(smoke->scene->context, &smoke->gaussians);
   fum_free(smoke->scene->context, &smoke->cells);
+  fum_free(smoke->scene->context, &smoke->maps);
+}
+
+int32_t fum_smoke_look(fum_smoke *smoke, const fum_view *view) {
+  const fum_scene *scene = smoke->scene;
+  int32_t status = fum_alloc(scene->context, scene->particles_count, sizeof *smoke->maps, "reference", &smoke->maps);
+  for (int32_t s = 0; s < scene->particles_count && status == FUM_OK; s++) {
+    if (scene->particles[s].map != NULL)
+      status = fum_reference_map_make(scene->context, scene->particles[s].map, &smoke->maps[s]);
+  }
+  smoke->view = view;
+  return status;
 }
 
 double fum_gaussian_integral(double sigma, double a, double b) {
@@ -192,7 +206,20 @@ void fum_smoke_depth(const fum_smoke *smoke, const fum_way *way, uint64_t shadow
   memcpy(out_depths, rgb, sizeof rgb);
 }
 
-static bool append(const fum_smoke *smoke, const fum_gaussian *g, double along, double squared, fum_heard_list *list) {
+/* What the particle's map says along a ray of the camera. */
+static void read_map(const fum_smoke *smoke, const fum_gaussian *g, const fum_way *way, double squared,
+                     double out_factors[4]) {
+  const fum_particles *set = &smoke->scene->particles[g->set];
+  for (int c = 0; c < 4; c++)
+    out_factors[c] = 1.0;
+  if (set->map == NULL || smoke->view == NULL) return;
+  const uint64_t id = set->ids != NULL ? set->ids[g->index] : (uint64_t)g->index;
+  fum_reference_map_read(&smoke->maps[g->set], smoke->view, g->centre, g->sigma, 2.0 * FUM_PI * fum_hash_unit(id),
+                         way->start, way->direction, sqrt(squared), out_factors);
+}
+
+static bool append(const fum_smoke *smoke, const fum_gaussian *g, const fum_way *way, double along, double squared,
+                   fum_heard_list *list) {
   if (list->count == list->capacity) {
     const int64_t capacity = 2 * list->capacity + 64;
     fum_heard *grown = realloc(list->items, (size_t)capacity * sizeof *grown);
@@ -204,11 +231,13 @@ static bool append(const fum_smoke *smoke, const fum_gaussian *g, double along, 
   const float *albedo = color_of(set->albedos, set->albedo, g->index);
   const float *glow = color_of(set->emissions, set->emission, g->index);
   const double there = exp(-0.5 * squared / (g->sigma * g->sigma));
-  fum_heard h = {along, g->sigma, g->cut, g->density * there, {0.0}, {0.0}, {0.0}, g->set};
+  double map[4];
+  read_map(smoke, g, way, squared, map);
+  fum_heard h = {along, g->sigma, g->cut, g->density * there * map[3], {0.0}, {0.0}, {0.0}, g->set};
   for (int c = 0; c < 3; c++) {
     h.tint[c] = g->tint[c];
-    h.scattering[c] = (double)albedo[c] * h.density * h.tint[c];
-    h.glow[c] = (double)glow[c] * there;
+    h.scattering[c] = (double)albedo[c] * (g->density * there) * map[c] * h.tint[c];
+    h.glow[c] = (double)glow[c] * there * map[c];
   }
   list->items[list->count++] = h;
   return true;
@@ -228,7 +257,7 @@ bool fum_smoke_listen(const fum_smoke *smoke, const fum_way *way, fum_heard_list
     for (int64_t i = smoke->cells[c].begin; i < smoke->cells[c].end; i++) {
       const fum_gaussian *g = &smoke->gaussians[i];
       if (!smoke->scene->particles[g->set].is_visible_to_camera) continue;
-      if (pass(g, way, &s, &squared) && !append(smoke, g, s, squared, list)) return false;
+      if (pass(g, way, &s, &squared) && !append(smoke, g, way, s, squared, list)) return false;
     }
   }
   if (list->count > 1) qsort(list->items, (size_t)list->count, sizeof *list->items, compare_begin);

@@ -4,7 +4,7 @@
 #ifndef FUM_REFERENCE_SMOKE_H
 #define FUM_REFERENCE_SMOKE_H
 
-#include "scene/scene.h"
+#include "reference/map.h"
 
 typedef struct fum_gaussian {
   double centre[3]; /* relative to the scene's origin */
@@ -27,7 +27,9 @@ typedef struct fum_smoke {
   int64_t count, cell_count;
   fum_gaussian *gaussians;
   fum_smoke_cell *cells;
-  double smallest_sigma; /* INFINITY: no particles */
+  double smallest_sigma;   /* INFINITY: no particles */
+  const fum_view *view;    /* of the camera that sees maps on particles; NULL: nobody looks */
+  fum_reference_map *maps; /* [sets of particles] */
 } fum_smoke;
 
 /* A straight way through the smoke. */
@@ -58,6 +60,9 @@ typedef struct fum_heard_list {
  * or of one if that is more, lies beyond. scene->origin must be current. Freed with fum_smoke_free also on failure. */
 int32_t fum_smoke_init(fum_scene *scene, double lost, fum_smoke *out_smoke);
 void fum_smoke_free(fum_smoke *smoke);
+
+/* Readies the maps for fum_smoke_listen. `view` is to live as long as the smoke. */
+int32_t fum_smoke_look(fum_smoke *smoke, const fum_view *view);
 
 /* Integral of the unit Gaussian exp(-t^2 / (2 sigma^2)) from a to b, by erfc so that tails don't cancel. */
 double fum_gaussian_integral(double sigma, double a, double b);

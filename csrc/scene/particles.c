@@ -167,6 +167,7 @@ static void free_particles(fum_context *context, fum_particles *set) {
   fum_free(context, &set->emissions);
   fum_free(context, &set->velocities);
   fum_free(context, &set->ids);
+  fum_map_free(context, &set->map);
 }
 
 void fum_scene_free_particles(fum_scene *scene) {
@@ -253,6 +254,8 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   }
   set.count = count;
   status = copy_particles(context, desc, name, count, chosen, &set);
+  if (status == FUM_OK && desc->map != NULL)
+    status = fum_map_create(context, name, desc->map_width, desc->map_height, desc->map, &set.map);
   if (status != FUM_OK) goto done;
   set.name = fum_copy_string(name);
   set.matte_name = fum_copy_string(desc->matte_name != NULL ? desc->matte_name : name);
@@ -287,6 +290,18 @@ const fum_particles *fum_scene_particles_of(const fum_scene *scene, int64_t inde
     }
   }
   return &scene->particles[low];
+}
+
+fum_map_traits fum_scene_map_traits(const fum_scene *scene) {
+  fum_map_traits traits = {.edge = 1.0F, .contrast = 1.0F};
+  for (int32_t s = 0; s < scene->particles_count; s++) {
+    const fum_particles *set = &scene->particles[s];
+    if (set->map == NULL || set->count == 0 || !set->is_visible_to_camera) continue;
+    traits.has_maps = true;
+    traits.edge = fum_max(traits.edge, set->map->edge);
+    traits.contrast = fum_max(traits.contrast, set->map->contrast);
+  }
+  return traits;
 }
 
 uint64_t fum_particle_identity(const fum_scene *scene, const fum_particles *set, int64_t index_in_set) {

@@ -4,6 +4,7 @@
 #define FUM_SCENE_SCENE_H
 
 #include "base/context.h"
+#include "scene/map.h"
 
 /* A set of particles in the order of their ids; NULL arrays mean the uniform value beside them. */
 typedef struct fum_particles {
@@ -19,6 +20,7 @@ typedef struct fum_particles {
   float *albedos, *emissions, *velocities; /* [3 count] or NULL; velocities: world space, m a frame */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
   float albedo[3], emission[3], tint[3];
+  fum_map *map; /* on their billboards, or NULL */
   int32_t light_set, shadow_set;
   bool is_visible_to_camera;
 } fum_particles;
@@ -69,6 +71,14 @@ bool fum_scene_is_lit_alike(const fum_scene *scene, int32_t a, int32_t b);
 
 /* Set of the particle with this scene index. */
 const fum_particles *fum_scene_particles_of(const fum_scene *scene, int64_t index);
+
+/* What maps there are on particles that the camera sees. */
+typedef struct fum_map_traits {
+  bool has_maps;
+  float edge, contrast; /* as of fum_map, the largest; 1 without maps */
+} fum_map_traits;
+
+fum_map_traits fum_scene_map_traits(const fum_scene *scene);
 
 /* Id that tells a particle from all others of the scene, stable while its set keeps its place. */
 uint64_t fum_particle_identity(const fum_scene *scene, const fum_particles *set, int64_t index_in_set);

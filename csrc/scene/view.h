@@ -32,6 +32,12 @@ bool fum_view_project(const fum_view *view, const double local[3], double out_px
  * the camera. Empty (lower >= upper) when the sphere isn't in the frame. */
 void fum_view_cover(const fum_view *view, const double center[3], double radius, float lower[2], float upper[2]);
 
+/* Longer side of a pixel at unit depth, in an orthographic view at any. */
+static inline double fum_view_pixel(const fum_view *view) {
+  return fmax((view->window[1] - view->window[0]) / (double)view->width,
+              (view->window[3] - view->window[2]) / (double)view->height);
+}
+
 /* The point on the ray through (u, v) of the window at a range: the distance along the ray, in an orthographic view the
  * depth. In local space. */
 void fum_view_point(const fum_view *view, double u, double v, double range, double out_local[3]);

@@ -104,6 +104,9 @@ class fum_particles_desc(ctypes.Structure):
         ("extinction_colors", ctypes.POINTER(ctypes.c_float)),
         ("extinction_color", ctypes.c_float * 3),
         ("matte_name", ctypes.c_char_p),
+        ("map", ctypes.POINTER(ctypes.c_float)),
+        ("map_width", ctypes.c_int32),
+        ("map_height", ctypes.c_int32),
     ]
 
 

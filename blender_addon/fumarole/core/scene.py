@@ -75,6 +75,7 @@ class Scene:
         visible_to_camera: bool = True,
         extinction_color: ArrayLike | None = None,
         matte_name: str | None = None,
+        map: ArrayLike | None = None,
     ) -> None:
         """Adds n particles, Gaussians of sigma = radius / 2. Arrays are copied; float32 ones without another copy.
 
@@ -93,6 +94,10 @@ class Scene:
         extinction_color: an RGB triple or (n, 3), factors on the density for red, green and blue light, at least 0;
             default 1. Light that passes is tinted by what is left: an artistic colour of shadows as well.
         matte_name: what Cryptomatte calls them; sets of one name are one. Default: name.
+        map: (height, width, 4) linear RGB, not premultiplied, and opacity, each 0..1, first row at the bottom: an image on a
+            square that faces the camera, as wide as the particle, turned by an angle that follows from its ident. Its
+            opacity shapes the particle and doesn't change how much smoke it is, its colour multiplies albedo and
+            emission. Lights don't see it.
 
         Single particles with a value that is not finite or out of range are dropped, with a warning that counts them.
         Raises FumaroleError for wrong shapes and for numbers out of range.
@@ -122,6 +127,12 @@ class Scene:
             _arrays.point(description, "ids", idents)
         if matte_name is not None:
             description.matte_name = matte_name.encode()
+        if map is not None:
+            pixels = _arrays.floats(map, f"map of {name!r}")
+            if pixels.ndim != 3 or pixels.shape[2] != 4:
+                raise argument_error(f"map of {name!r} has shape {pixels.shape}, expected (height, width, 4)")
+            _arrays.point(description, "map", pixels)
+            description.map_height, description.map_width = pixels.shape[:2]
         self.context.call("fum_scene_add_particles", self.handle, ctypes.byref(description))
 
     def add_mesh(
