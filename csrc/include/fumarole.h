@@ -198,12 +198,13 @@ FUM_API void fum_scene_destroy(fum_scene *scene);
  * colour, or an albedo above 1 are dropped, counted and reported as a warning. Particles with radius 0 are dropped in
  * silence (they hold no matter); with density 0 they are kept and neither absorb nor scatter.
  *
- * A map lies on a square that faces the camera, as wide as the particle (two sigmas to each side of its centre), turned by
- * an angle of the particle's own that follows from its id. It is linear between its pixels, its border goes on beyond the
- * square, and where its pixels are smaller than those of the picture it is averaged. A ray's optical depth through the
- * particle is multiplied by the opacity where it passes, over the mean opacity (weighted with the particle's Gaussian,
- * at least 1e-6): the map changes a particle's shape, and not how much smoke it is. The colour there multiplies albedo
- * and emission. Lights don't know maps: towards them the particle is the Gaussian that it is without.
+ * A map lies on a square that faces the camera, as wide as the particle (two sigmas to each side of its centre), turned
+ * by an angle of the particle's own that follows from its id. It is linear between its pixels, its border goes on
+ * beyond the square, and where its pixels are smaller than those of the picture it is averaged. A ray's optical depth
+ * through the particle is multiplied by the opacity where it passes, over the mean opacity (weighted with the
+ * particle's Gaussian, at least 1e-6): the map changes a particle's shape, and not how much smoke it is. The colour
+ * there multiplies albedo and emission. Lights don't know maps: towards them the particle is the Gaussian that it is
+ * without.
  */
 typedef struct fum_particles_desc {
   uint32_t struct_size;
@@ -229,8 +230,8 @@ typedef struct fum_particles_desc {
   float extinction_color[3];      /**< default 1 */
   const char *matte_name;         /**< UTF-8: what Cryptomatte calls them; sets of one name are one. NULL: `name` */
 
-  const float *map; /**< [map_height][map_width][4] linear RGB, not premultiplied, and opacity, each 0..1, first row at the
-                         bottom: shapes and colours each particle as the camera sees it, see below. NULL: none */
+  const float *map; /**< [map_height][map_width][4] linear RGB, not premultiplied, and opacity, each 0..1, first row at
+                       the bottom: shapes and colours each particle as the camera sees it, see below. NULL: none */
   int32_t map_width, map_height; /**< 1..16384 each, of `map` */
 } fum_particles_desc;
 

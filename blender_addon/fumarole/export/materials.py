@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import compat
 from .functions import blackbody
+from .maps import read_map
 from .nodes import Attributes, NodeReader, Warn, upstream
 
 # Luminance of Principled Volume's blackbody, 1 / K^4.
@@ -31,6 +32,7 @@ class Volume:
     emission: np.ndarray  # (1|n, 3) W / (m^3 sr)
     anisotropy: float  # Henyey-Greenstein g, -1..1
     radius_factor: np.ndarray  # (1|n,) on the points' radius
+    map: np.ndarray | None = None  # (height, width, 4) colour and opacity on each point, 0..1
 
 
 @dataclass
@@ -127,7 +129,7 @@ def read_volume(
 
     Follows Cycles: Principled Volume scatters colour x density, Volume Scatter colour x density, Volume Absorption
     absorbs (1 - colour) x density. Without a volume shader it is grey smoke, with a warning. An AOV Output node named
-    Radius gives a factor on the radius. `attributes` and `particles` as NodeReader has them.
+    Radius gives a factor on the radius, one named Map an image on every point. `attributes` and `particles` as NodeReader has them.
     """
     socket = volume_socket(material)
     if socket is None:
@@ -136,18 +138,22 @@ def read_volume(
         return default_volume()
     owner = f"Material '{material.name}'"
     reader = NodeReader(owner, warn, attributes, particles)
-    return _volume(_closure(reader, socket, ()), _radius_factor(material, reader), owner, warn)
+    volume = _volume(_closure(reader, socket, ()), owner, warn)
+    by_radius, by_map = _output_named(material, "Radius"), _output_named(material, "Map")
+    if by_radius is not None:
+        volume.radius_factor = np.maximum(reader.number(by_radius, "Value"), 0)
+    if by_map is not None:
+        volume.map = read_map(by_map, owner, warn)
+    return volume
 
 
-def _radius_factor(material: bpy.types.Material, reader: NodeReader) -> np.ndarray:
-    """What the material's AOV Output node named Radius says, 1 without one."""
-    for node in compat.node_tree(material).nodes:
-        if node.bl_idname == "ShaderNodeOutputAOV" and compat.aov_name(node) == "Radius":
-            return np.maximum(reader.number(node, "Value"), 0)
-    return _ONE
+def _output_named(material: bpy.types.Material, name: str) -> bpy.types.Node | None:
+    """The material's AOV Output node of that name."""
+    nodes = (node for node in compat.node_tree(material).nodes if node.bl_idname == "ShaderNodeOutputAOV")
+    return next((node for node in nodes if compat.aov_name(node) == name), None)
 
 
-def _volume(medium: _Medium, radius_factor: np.ndarray, owner: str, warn: Warn) -> Volume:
+def _volume(medium: _Medium, owner: str, warn: Warn) -> Volume:
     scattering, absorption = np.maximum(medium.scattering, 0), np.maximum(medium.absorption, 0)
     total = scattering + absorption
     extinction = _mean(total)
@@ -161,7 +167,7 @@ def _volume(medium: _Medium, radius_factor: np.ndarray, owner: str, warn: Warn) 
         shown = ", ".join(f"{g:.4g}" for g in sorted(medium.phases))
         warn(f"{owner}: anisotropies {shown} are mixed; their average {anisotropy:.4g} is used")
     g = float(np.clip(anisotropy, -0.999, 0.999))
-    return Volume(extinction, tint, albedo, np.maximum(medium.emission, 0), g, radius_factor)
+    return Volume(extinction, tint, albedo, np.maximum(medium.emission, 0), g, _ONE)
 
 
 def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) -> _Medium:

@@ -12,6 +12,8 @@ import numpy as np
 from .functions import evaluate
 
 Warn = Callable[[str], None]
+# The values of an image texture node's output by its identifier at each of its pixels, (n,) or (n, 3), or None.
+Textures = Callable[[bpy.types.Node, str], "np.ndarray | None"]
 # The values of a geometry attribute by its name, (n,) or (n, 3) float32, or None where there is no such attribute.
 Attributes = Callable[[str], "np.ndarray | None"]
 
@@ -22,7 +24,8 @@ class NodeReader:
     """Evaluates the sockets of one data block's node tree.
 
     Values come back as float32 arrays, which is what Blender holds; their first axis has length 1 (a constant) or n (a
-    value for each of n points). `attributes` are those of the geometry, `particles` the outputs of Particle Info.
+    value for each of n points). `attributes` are those of the geometry, `particles` the outputs of Particle Info; the
+    points may be an image's pixels, which `textures` gives.
     What can't be read is named in a warning, and the socket's own value is used.
     """
 
@@ -32,11 +35,13 @@ class NodeReader:
         warn: Warn,
         attributes: Attributes = lambda name: None,
         particles: Attributes = lambda name: None,
+        textures: Textures = lambda node, output: None,
     ) -> None:
         self.owner = owner
         self.warn = warn
         self.attributes = attributes
         self.particles = particles
+        self.textures = textures
 
     def shader(self, socket: bpy.types.NodeSocket, groups: tuple = ()) -> tuple[bpy.types.Node | None, tuple]:
         """The shader node that feeds `socket` (None if there is none) and the groups it is in."""
@@ -72,6 +77,8 @@ class NodeReader:
             return values.astype(np.float32, copy=False)
         if source.bl_idname == "ShaderNodeParticleInfo":
             values = self.particles(output.identifier)
+        elif source.bl_idname == "ShaderNodeTexImage":
+            values = self.textures(source, output.identifier)
         else:
             values = evaluate(self, source, output, groups)
         if values is not None:

@@ -96,6 +96,7 @@ def build_matter(scene: Scene, context: core.Context) -> core.Scene:
             light_set=item.light_set,
             shadow_set=item.shadow_set,
             visible_to_camera=item.visible_to_camera,
+            map=volume.map,
         )
     for item in scene.meshes:
         result.add_mesh(
@@ -146,7 +147,7 @@ def fingerprint(scene: Scene) -> bytes:
         volume = item.volume
         _hash(result, "particles", item.name, item.matte_name, volume.anisotropy)
         _hash(result, item.positions, item.radii, item.velocities, item.ids)
-        _hash(result, volume.extinction, volume.tint, volume.albedo, volume.emission)
+        _hash(result, volume.extinction, volume.tint, volume.albedo, volume.emission, volume.map)
         _hash(result, item.light_set, item.shadow_set, item.visible_to_camera)
     for item in scene.meshes:
         _hash(result, "mesh", item.name, item.casts_shadow, item.visible_to_camera, item.light_set, item.shadow_set)
