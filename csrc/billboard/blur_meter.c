@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "billboard/blur_meter.h"
 
+#include "base/hash.h"
 #include "billboard/blur_rays.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 enum {
-  SIDE = 12, /* pixels that are looked at, across and up */
+  SIDE = 16, /* pixels that are looked at, across and up */
   PIXELS = SIDE * SIDE,
   LEVELS = 3, /* numbers of pictures */
   RAYS = 64   /* of each of them, through a pixel */
@@ -120,16 +121,26 @@ static void find_bounds(meter *m) {
   memcpy(m->upper, (double[2]){high_x, high_y}, sizeof m->upper);
 }
 
-/* Window coordinate of a column or row of pixels that are looked at. */
-static double place_of(const meter *m, int axis, int32_t number) {
-  return m->lower[axis] + (m->upper[axis] - m->lower[axis]) * ((double)number + 0.5) / SIDE;
+/* Window coordinate of a pixel that is looked at: somewhere in its part of the bounds, always at the same place. */
+static double place_of(const meter *m, int axis, int32_t pixel) {
+  const double cell = (double)(axis == 0 ? pixel % SIDE : pixel / SIDE);
+  const double within = fum_hash_unit((uint64_t)(2 * pixel + axis));
+  return m->lower[axis] + (m->upper[axis] - m->lower[axis]) * (cell + within) / SIDE;
 }
 
-/* Columns or rows from *out_first up to, not including, *out_end lie between two window coordinates. */
+/* Parts of the bounds, from *out_first up to, not including, *out_end, between two window coordinates. */
 static void find_range(const meter *m, int axis, double low, double high, int32_t *out_first, int32_t *out_end) {
   const double per_unit = SIDE / (m->upper[axis] - m->lower[axis]);
-  *out_first = (int32_t)fmax(0.0, ceil((low - m->lower[axis]) * per_unit - 0.5));
-  *out_end = (int32_t)fmin(SIDE, floor((high - m->lower[axis]) * per_unit - 0.5) + 1.0);
+  *out_first = (int32_t)fum_most(0.0, floor((low - m->lower[axis]) * per_unit));
+  *out_end = (int32_t)fum_least(SIDE, floor((high - m->lower[axis]) * per_unit) + 1.0);
+}
+
+static bool is_within(const meter *m, const passing *p, int32_t pixel) {
+  for (int axis = 0; axis < 2; axis++) {
+    const double place = place_of(m, axis, pixel);
+    if (place < p->lower[axis] || place > p->upper[axis]) return false;
+  }
+  return true;
 }
 
 /* Calls for each pixel that a particle may be seen in: counts it, or writes it down. */
@@ -141,6 +152,7 @@ static void enter(const meter *m, int64_t rank, int64_t *cursors, uint32_t *out)
   find_range(m, 1, p.lower[1], p.upper[1], &rows[0], &rows[1]);
   for (int32_t row = rows[0]; row < rows[1]; row++) {
     for (int32_t column = columns[0]; column < columns[1]; column++) {
+      if (!is_within(m, &p, row * SIDE + column)) continue;
       const int64_t at = cursors[row * SIDE + column]++;
       if (out != NULL) out[at] = (uint32_t)rank;
     }
@@ -264,7 +276,7 @@ typedef struct opacity {
 
 static opacity look(const meter *m, int32_t pixel, int level, const fum_blur_particles *particles) {
   const fum_blur_sum_fn sum = fum_blur_sum_get();
-  const double u = place_of(m, 0, pixel % SIDE), v = place_of(m, 1, pixel / SIDE);
+  const double u = place_of(m, 0, pixel), v = place_of(m, 1, pixel);
   const int32_t pictures = PICTURES[level], rays = RAYS / pictures;
   opacity all = {0};
   for (int32_t picture = 0; picture < pictures; picture++) {

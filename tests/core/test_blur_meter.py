@@ -113,6 +113,15 @@ def test_solids_edges_are_seen() -> None:
     assert core.measure_blur(puff(0.05), moving).error < 0.01
 
 
+def test_edges_out_of_focus_are_seen() -> None:
+    """A wall halfway to the smoke in focus: smears end where the lens's middle sees its edge."""
+    scene = puff(0.05)
+    scene.add_mesh([(0.0, -9, 3), (9, -9, 3), (9, 9, 3), (0.0, 9, 3)], [(0, 1, 2), (0, 2, 3)])
+    in_focus = camera().blurred(aperture=core.Aperture(radius=0.4, focus=6.0))
+    assert core.measure_blur(scene, in_focus).error > 0.1
+    assert core.measure_blur(puff(0.05), in_focus).error < 1e-3
+
+
 def test_bits_do_not_depend_on_threads_and_order() -> None:
     rng = np.random.default_rng(1)
     positions, velocities = rng.uniform(-1, 1, (3000, 3)), rng.normal(0, 0.5, (3000, 3))
