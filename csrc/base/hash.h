@@ -13,6 +13,14 @@ static inline uint64_t fum_hash64(uint64_t x) {
   return x ^ (x >> 31);
 }
 
+/* Of a string: FNV-1a (Fowler, Noll, Vo). */
+static inline uint64_t fum_hash_text(const char *text) {
+  uint64_t hash = 0xcbf29ce484222325u;
+  for (; *text != 0; text++)
+    hash = (hash ^ (uint8_t)*text) * 0x100000001b3u;
+  return fum_hash64(hash);
+}
+
 /* Uniform in [0, 1), 53 bits. */
 static inline double fum_hash_unit(uint64_t x) {
   return (double)(fum_hash64(x) >> 11) * 0x1p-53;

@@ -217,7 +217,8 @@ typedef struct fum_particles_desc {
   const float *albedos;      /**< [3 count] single-scattering albedo, 0..1 */
   const float *emissions;    /**< [3 count] radiance emitted per metre at the centre, W / (m^3 sr) */
   const float *velocities;   /**< [3 count] world space, m a frame; for the pass Vector. NULL: at rest */
-  const uint64_t *ids;       /**< [count] stable identity of each particle; default: 0, 1, 2... */
+  const uint64_t *ids;       /**< [count] what random choices hang on, with the set's name: the same particle's in every
+                                  frame, others' in other sets of this name. NULL: 0, 1, 2... */
   float radius;              /**< default 0.1 */
   float density;             /**< default 1 */
   float albedo[3];           /**< default 0.8 */

@@ -2,24 +2,18 @@
 #include "lighting/meter.h"
 
 #include "base/hash.h"
+#include "lighting/meter_pick.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 /* Points wanted, and how many candidates are looked at for each: where the camera sees very little of the smoke there
- * will be fewer points. Candidates are looked at in rounds that lie everywhere. */
+ * will be fewer points. */
 enum { POINTS = 1024, ATTEMPTS = 16, ROUND = 256 };
 
 static bool is_black(const fum_lamp *lamp) {
   const float *c = lamp->desc.intensity;
   return c[0] <= 0.0F && c[1] <= 0.0F && c[2] <= 0.0F;
-}
-
-/* One of `count` particles in the octree's order: each of `part_count` equal parts in turn, any particle of it. */
-static int64_t choose(int64_t n, int64_t part_count, int64_t count) {
-  const double place = ((double)(n % part_count) + fum_hash_unit((uint64_t)n)) / (double)part_count;
-  const int64_t chosen = (int64_t)(place * (double)count);
-  return chosen < count ? chosen : count - 1;
 }
 
 static int32_t begin(fum_context *context, const fum_meter_options *options, int64_t count, fum_meter *meter) {
@@ -48,24 +42,29 @@ static int32_t light_set_of(const fum_meter_options *options, int64_t receiver) 
 
 int32_t fum_meter_begin_particles(fum_context *context, const fum_meter_options *options, fum_meter *out_meter) {
   const fum_octree *octree = options->octree;
-  const int64_t count = octree->count < POINTS ? octree->count : POINTS;
   const double start_s = fum_now_s();
-  fum_meter meter;
-  const int32_t status = begin(context, options, count, &meter);
-  if (status != FUM_OK) {
-    fum_meter_end(&meter);
-    return status;
-  }
+  fum_meter_picks picks = {0};
+  fum_meter meter = {0};
+  /* A few more: how many there are is about what is asked for. */
+  int32_t status = fum_meter_pick(context, options->scene, octree, POINTS + POINTS / 8, &picks);
+  if (status != FUM_OK) goto done;
+  const int64_t count = picks.count < POINTS ? picks.count : POINTS;
+  status = begin(context, options, count, &meter);
+  if (status != FUM_OK) goto done;
   for (int64_t n = 0; n < count; n++) {
-    const int64_t i = choose(n, count, octree->count);
+    const uint32_t i = picks.ranks[n];
     meter.points[n] = (fum_meter_point){.position = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]},
-                                        .receiver = (uint32_t)i,
+                                        .receiver = i,
                                         .light_set = light_set_of(options, i)};
   }
   meter.count = count;
   meter.seconds = fum_now_s() - start_s;
   *out_meter = meter;
-  return FUM_OK;
+  meter = (fum_meter){0};
+done:
+  fum_meter_end(&meter);
+  fum_meter_picks_free(context, &picks);
+  return status;
 }
 
 /* Normally distributed numbers (Box and Muller 1958). Returns the length of the vector. */
@@ -109,6 +108,7 @@ static bool put_on_pixel(const fum_meter_sight *sight, fum_meter_point *point) {
 /* How points are looked for. */
 typedef struct search {
   const fum_octree *octree; /* of the smoke that the camera sees */
+  fum_meter_picks picks;    /* of its particles; each is a candidate several times where they are few */
   bool asks_hidden;         /* else rays are walked through `smoke` */
   fum_truth smoke;
   const fum_meter_sight *sight;
@@ -145,8 +145,9 @@ static bool passes(const search *s, const fum_meter_point *point, double chance)
 static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_point) {
   const fum_octree *octree = s->octree;
   const double sigmas = s->sight->footprint_sigmas;
-  const int64_t i = choose(candidate, POINTS, octree->count);
-  const uint64_t seed = fum_hash64((uint64_t)candidate);
+  const int64_t pick = candidate % s->picks.count;
+  const uint32_t i = s->picks.ranks[pick];
+  const uint64_t seed = fum_hash64(s->picks.keys[pick] + (uint64_t)(candidate / s->picks.count));
   double offset[3];
   if (!(octree->optical_depths[i] > 0.0F) || scatter(seed, offset) > sigmas) return false;
   /* What is seen of a dense particle is the surface of its footprint. */
@@ -155,15 +156,13 @@ static bool find_point(const search *s, int64_t candidate, fum_meter_point *out_
   for (int axis = 0; axis < 3; axis++) {
     out_point->position[axis] = center[axis] + offset[axis] * stretch / (double)octree->inverse_sigmas[i];
   }
-  out_point->receiver = (uint32_t)i;
+  out_point->receiver = i;
   return put_on_pixel(s->sight, out_point) && passes(s, out_point, fum_hash_unit(seed + 6));
 }
 
-/* Takes the candidates that are seen, in steps that share no factor with their number: those that are one too many lie
- * anywhere. */
 static void take_seen(const search *s, fum_meter *meter) {
   for (int64_t n = 0; n < ROUND && meter->count < POINTS; n++) {
-    const struct candidate *candidate = &s->candidates[n * 97 % ROUND];
+    const struct candidate *candidate = &s->candidates[n];
     if (candidate->is_seen) meter->points[meter->count++] = candidate->point;
   }
 }
@@ -175,15 +174,14 @@ static int compare_places(const void *a, const void *b) {
 
 /* Neighbours in the octree's order one after another: their rays read the same memory. */
 static int32_t find_points(fum_meter *meter, search *s) {
-  enum { INTERVAL = POINTS / ROUND, ROUNDS = ATTEMPTS * INTERVAL };
+  enum { ROUNDS = ATTEMPTS * POINTS / ROUND };
   fum_context *context = meter->context;
   int32_t status = FUM_OK;
   for (int64_t round = 0; round < ROUNDS && meter->count < POINTS && status == FUM_OK; round++) {
-    const int64_t first = round / INTERVAL * POINTS + round % INTERVAL;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 8)
     for (int64_t n = 0; n < ROUND; n++) {
       if (fum_progress_in_loop(context, n, 16)) continue;
-      s->candidates[n].is_seen = find_point(s, first + n * INTERVAL, &s->candidates[n].point);
+      s->candidates[n].is_seen = find_point(s, round * ROUND + n, &s->candidates[n].point);
     }
     take_seen(s, meter);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, 1.0F, "Measuring the light's accuracy");
@@ -278,7 +276,8 @@ int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *op
   s->octree = options->octree;
   s->sight = sight;
   status = begin_search(context, s);
-  if (status == FUM_OK && s->octree->count > 0) status = find_points(&meter, s);
+  if (status == FUM_OK) status = fum_meter_pick(context, options->scene, s->octree, ATTEMPTS * POINTS, &s->picks);
+  if (status == FUM_OK && s->picks.count > 0) status = find_points(&meter, s);
   if (status != FUM_OK) goto done;
   for (int64_t n = 0; n < meter.count; n++)
     meter.points[n].light_set = light_set_of(options, meter.points[n].receiver);
@@ -286,7 +285,10 @@ int32_t fum_meter_begin_points(fum_context *context, const fum_meter_options *op
   *out_meter = meter;
   meter = (fum_meter){0};
 done:
-  if (s != NULL) fum_truth_end(context, &s->smoke);
+  if (s != NULL) {
+    fum_truth_end(context, &s->smoke);
+    fum_meter_picks_free(context, &s->picks);
+  }
   fum_free(context, &s);
   fum_meter_end(&meter);
   return status;

@@ -21,7 +21,7 @@ typedef struct fum_meter_point {
   double window[2], range; /* of a point on a pixel's ray */
 } fum_meter_point;
 
-/* Chosen at random, the same for the same scene. */
+/* Chosen at random, by particles' identities: the same from frame to frame, as long as they are there and seen. */
 typedef struct fum_meter {
   fum_context *context;
   const fum_lamps *lamps; /* borrowed */

@@ -243,8 +243,8 @@ static void local_from_world(const double origin[3], const float *world, float *
     out_local[axis] = (float)((double)world[axis] - origin[axis]);
 }
 
-static bool is_chosen(const fum_scene *scene, const fum_particles *set, int64_t i, float share) {
-  return share >= 1.0F || fum_hash_unit(fum_particle_identity(scene, set, i)) < (double)share;
+static bool is_chosen(const fum_particles *set, int64_t i, float share) {
+  return share >= 1.0F || fum_hash_unit(fum_particle_identity(set, i)) < (double)share;
 }
 
 static bool takes(const fum_octree_options *options, int32_t set) {
@@ -259,7 +259,7 @@ static int64_t count_chosen(const fum_scene *scene, const fum_octree_options *op
     if (!takes(options, s)) continue;
     if (share >= 1.0F) count += set->count;
     for (int64_t i = 0; share < 1.0F && i < set->count; i++)
-      count += is_chosen(scene, set, i, share);
+      count += is_chosen(set, i, share);
   }
   return count;
 }
@@ -303,7 +303,7 @@ static void collect_share(const fum_scene *scene, const fum_octree_options *opti
     if (!takes(options, s)) continue;
     for (int64_t i = 0; i < set->count; i++) {
       if (fum_progress_in_loop(scene->context, i, CHECK_STRIDE)) return;
-      if (is_chosen(scene, set, i, share)) choose(scene, set, i, share, out, n++);
+      if (is_chosen(set, i, share)) choose(scene, set, i, share, out, n++);
     }
   }
 }

@@ -222,6 +222,16 @@ static int32_t copy_particles(fum_context *context, const fum_particles_desc *d,
   return FUM_OK;
 }
 
+/* Ids that were given are trusted to differ between sets of one name. Without them such sets are told apart by their
+ * order. */
+static uint64_t find_seed(const fum_scene *scene, const char *name, bool has_ids) {
+  for (int32_t s = scene->particles_count - 1; s >= 0 && !has_ids; s--) {
+    const fum_particles *other = &scene->particles[s];
+    if (other->ids == NULL && strcmp(other->name, name) == 0) return fum_hash64(other->seed);
+  }
+  return fum_hash_text(name);
+}
+
 int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc) {
   fum_context *context = scene->context;
   if (desc == NULL || desc->struct_size < sizeof *desc) {
@@ -238,6 +248,7 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   int64_t count = 0;
   drop_report report = {0};
   fum_particles set = {.offset = scene->particle_count,
+                       .seed = find_seed(scene, name, desc->ids != NULL),
                        .anisotropy = desc->anisotropy,
                        .light_set = desc->light_set,
                        .shadow_set = desc->shadow_set,
@@ -304,7 +315,7 @@ fum_map_traits fum_scene_map_traits(const fum_scene *scene) {
   return traits;
 }
 
-uint64_t fum_particle_identity(const fum_scene *scene, const fum_particles *set, int64_t index_in_set) {
+uint64_t fum_particle_identity(const fum_particles *set, int64_t index_in_set) {
   const uint64_t id = set->ids != NULL ? set->ids[index_in_set] : (uint64_t)index_in_set;
-  return fum_hash64((uint64_t)(set - scene->particles)) ^ id;
+  return set->seed ^ id;
 }

@@ -19,6 +19,7 @@ typedef struct fum_particles {
   float *tints;                            /* [3 count] extinction of red, green and blue over their mean, or NULL */
   float *albedos, *emissions, *velocities; /* [3 count] or NULL; velocities: world space, m a frame */
   uint64_t *ids;                           /* [count] or NULL: 0, 1, 2... */
+  uint64_t seed;                           /* tells its particles from those of other sets with the same ids */
   float albedo[3], emission[3], tint[3];
   fum_map *map; /* on their billboards, or NULL */
   int32_t light_set, shadow_set;
@@ -80,8 +81,9 @@ typedef struct fum_map_traits {
 
 fum_map_traits fum_scene_map_traits(const fum_scene *scene);
 
-/* Id that tells a particle from all others of the scene, stable while its set keeps its place. */
-uint64_t fum_particle_identity(const fum_scene *scene, const fum_particles *set, int64_t index_in_set);
+/* What random choices about a particle hang on: its id and its set's name, so that they stay the same from frame to
+ * frame, whatever other sets come and go. */
+uint64_t fum_particle_identity(const fum_particles *set, int64_t index_in_set);
 
 /* Sets scene->origin to the middle of all particles (of all meshes where there are none), so that float coordinates
  * stay precise however far from the world's origin the scene stands. */
