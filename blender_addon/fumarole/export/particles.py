@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import re
 import zlib
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
+from .caches import check_point_cache
 from .materials import Volume, read_volume
 from .nodes import Warn
 
@@ -66,7 +66,7 @@ def export_system(
     settings = system.settings
     count = len(system.particles)
     alive = np.flatnonzero(_read(system, "alive_state", count, 1, np.int16) == _ALIVE)
-    _warn_of_wrong_positions(system, scene, name, warn)
+    _warn_of_wrong_positions(owner, system, scene, name, warn)
     if len(alive) == 0:
         return None
     # Blender moves a particle by velocity x timestep a frame, whatever the frame rate.
@@ -164,21 +164,16 @@ def _material(owner: bpy.types.Object, slot: int) -> bpy.types.Material | None:
 
 
 def _warn_of_wrong_positions(
-    system: bpy.types.ParticleSystem, scene: bpy.types.Scene, name: str, warn: Warn
+    owner: bpy.types.Object, system: bpy.types.ParticleSystem, scene: bpy.types.Scene, name: str, warn: Warn
 ) -> None:
-    """Blender simulates an unbaked system frame by frame; what was not played in full is only roughly right."""
-    cache = system.point_cache
-    if cache.is_baked or system.settings.physics_type == "NO":
+    """Blender simulates an unbaked system frame by frame, as many particles as it displays."""
+    cache, shown = system.point_cache, system.settings.display_percentage
+    if system.settings.physics_type == "NO":
         return
-    if system.settings.display_percentage != 100:
+    if shown != 100 and not cache.is_baked and not cache.use_external:
         warn(
-            f"{name} isn't baked and its viewport display amount is {system.settings.display_percentage} %: "
-            "its particles are wrong. Bake it or set the amount to 100 %"
+            f"{name} isn't baked and its viewport display amount is {shown} %: its particles are wrong. Bake it or "
+            "set the amount to 100 %"
         )
         return
-    # The cache's description begins with the number of frames it holds, in any language.
-    held = re.search(r"\d+", cache.info)
-    frame = min(scene.frame_current, cache.frame_end)
-    if cache.is_frame_skip or (held and int(held.group()) < frame - cache.frame_start + 1):
-        jumped = f"frames before {scene.frame_current} were skipped"
-        warn(f"{name} isn't baked and {jumped}: its positions are inexact. Bake it")
+    check_point_cache(cache, owner, name, "positions", scene, warn)

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from .. import compat, core
+from .caches import check_modifiers
 from .lights import Light, export_light
 from .linking import Linker
 from .meshes import Mesh, MeshReader
@@ -181,6 +182,7 @@ def _export_instance(
     # A system that is drawn as smoke by its own switch is not drawn as the objects it would be otherwise.
     if system is not None and system.settings.fumarole.smoke == "SMOKE":
         return
+    check_modifiers(owner, depsgraph.scene, scene.warn)
     matrix = np.array(instance.matrix_world, dtype=np.float64)
     # Tells instances apart, and stays the same from frame to frame.
     key = f"{instance.parent.name_full}{tuple(instance.persistent_id)}" if instance.is_instance else ""

@@ -184,20 +184,6 @@ def test_unbaked_display_amount_is_named(scene: bpy.types.Scene) -> None:
     assert "'Fire'" in warning and "10 %" in warning
 
 
-def test_unbaked_jump_is_named(scene: bpy.types.Scene) -> None:
-    scenes.emitter("Fire")
-    scene.frame_set(10)
-    (warning,) = [text for text in scenes.export().warnings if "baked" in text]
-    assert "'Fire'" in warning and "10" in warning
-
-
-def test_unbaked_but_played_is_right(scene: bpy.types.Scene) -> None:
-    scenes.emitter()
-    for frame in range(1, 11):
-        scene.frame_set(frame)
-    assert not [text for text in scenes.export().warnings if "baked" in text]
-
-
 def test_material_is_that_of_the_systems_slot(scene: bpy.types.Scene) -> None:
     owner = scenes.emitter()
     owner.data.materials.append(scenes.material("Thin", Density=2.0))
