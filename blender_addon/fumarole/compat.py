@@ -42,6 +42,23 @@ def light_is_sphere(light: bpy.types.Light) -> bool:
     return not getattr(light, "use_soft_falloff", True)
 
 
+def motion_blur(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> bool:
+    """Whether a view layer is rendered with motion blur."""
+    return scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True)
+
+
+def shutter_settings(scene: bpy.types.Scene) -> bpy.types.bpy_struct | None:
+    """What has the property `motion_blur_position`; None where only Cycles has it, and its add-on is off."""
+    if hasattr(scene.render, "motion_blur_position"):
+        return scene.render
+    return getattr(scene, "cycles", None)
+
+
+def shutter_is_rolling(scene: bpy.types.Scene) -> bool:
+    """Whether Cycles would open the shutter row by row."""
+    return getattr(getattr(scene, "cycles", None), "rolling_shutter_type", "NONE") != "NONE"
+
+
 def linked_collections(owner: bpy.types.Object) -> tuple[bpy.types.Collection | None, bpy.types.Collection | None]:
     """The collections of what a light shines on and of what blocks it; None: everything, as before Blender 4."""
     linking = getattr(owner.original, "light_linking", None)

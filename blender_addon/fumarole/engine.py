@@ -11,19 +11,12 @@ import bpy
 import numpy as np
 
 from . import compat, core, deep
-from .export.camera import border, export_camera, resolution
-from .export.scene import Scene, build, export_scene
+from .export.camera import border, resolution
+from .export.scene import Scene, export_scene
 from .kept import Keeper
 from .passes import crypto_fields, enabled, warnings as pass_warnings
-
-# Where each stage of a render begins and how much of it it is, for the progress bar.
-_STAGES = {
-    "octree": (0.0, 0.05),
-    "lighting": (0.05, 0.7),
-    "sorting": (0.75, 0.05),
-    "drawing": (0.8, 0.15),
-    "passes": (0.95, 0.05),
-}
+from .picture import Picture, Progress
+from .shots import CoreScenes, Timeline
 
 # Warnings the user has seen in this render or animation.
 _reported: set[str] = set()
@@ -84,12 +77,11 @@ class FumaroleEngine(bpy.types.RenderEngine):
         with self._reporting():
             render = depsgraph.scene.render
             threads = render.threads if render.threads_mode == "FIXED" else 0
-            with _core_scene(scene, threads, render.use_persistent_data) as (core_scene, warnings):
-                self._warn(warnings)
+            is_moving = compat.motion_blur(depsgraph.scene, depsgraph.view_layer_eval)
+            with _keeping(render.use_persistent_data, is_moving) as keeper, CoreScenes(threads, keeper) as core_scenes:
                 views = _views(render)
                 for index, view in enumerate(views):
-                    core_scene.context.progress = self._progress(index, len(views))
-                    self._render_view(depsgraph, core_scene, scene, view)
+                    self._render_view(depsgraph, core_scenes, scene, view, self._progress(index, len(views)))
 
     def update_render_passes(
         self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
@@ -100,58 +92,48 @@ class FumaroleEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, layer_pass.name, len(item.channels), item.channels, item.kind)
 
     def _render_view(
-        self, depsgraph: bpy.types.Depsgraph, core_scene: core.Scene, scene: Scene, view: str
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        core_scenes: CoreScenes,
+        scene: Scene,
+        view: str,
+        progress: Progress,
     ) -> None:
-        layer = depsgraph.view_layer_eval
+        layer_name = depsgraph.view_layer_eval.name
         pixels: dict[str, np.ndarray] = {}
         size = _size(depsgraph.scene.render)
         try:
             self.active_view_set(view)
-            passes = enabled(layer, depsgraph.scene.world)
-            camera = self._camera(depsgraph, scene)
-            if any(item.name == "Vector" for item in passes):
-                camera = camera.moving(*self._cameras_beside(depsgraph, scene))
-            wanted = [name for item in passes for name in item.wanted(scene.lights)]
-            is_opaque = not depsgraph.scene.render.film_transparent
-            has_holdouts = is_opaque and scene.has_holdouts
-            wanted += ["Holdout"] if has_holdouts else []
+            passes = enabled(depsgraph.view_layer_eval, depsgraph.scene.world)
             deep_path = None if self.is_preview else deep.wanted_path(depsgraph, view, self.is_animation)
-            settings = depsgraph.scene.fumarole.to_core()
-            result = core.render(core_scene, camera, settings, wanted, deep=deep_path is not None)
+            settings = depsgraph.scene.fumarole
+            with Timeline(self, depsgraph, scene) as timeline:
+                picture = Picture(
+                    timeline,
+                    core_scenes,
+                    passes,
+                    settings.to_core(),
+                    settings.blur_samples,
+                    is_opaque=not depsgraph.scene.render.film_transparent,
+                    has_deep=deep_path is not None,
+                    progress=progress,
+                )
+                result, exposure = picture.draw()
+            if deep_path is not None and exposure.is_blurred:
+                scene.warn("Deep EXR: the file is without motion blur and depth of field")
             self._warn([*scene.warnings, *result.warnings, *pass_warnings(passes, scene.lights)])
-            self._tell_statistics(result.stats)
+            samples = result.samples if exposure.is_blurred else 0
+            self._tell_statistics(result.stats, samples)
             global _last_stats
             _last_stats = result.stats
-            pixels = {item.name: item.pixels(result, scene.lights) for item in passes}
-            if is_opaque:
-                behind = scene.world.seen_by(camera) if scene.world else np.zeros(3)
-                _put_over(pixels["Combined"], behind, result["Holdout"] if has_holdouts else None)
             if deep_path is not None:
-                with result.deep as samples:
-                    deep.write(samples, deep_path, depsgraph.scene.render)
+                with result.deep as in_depth:
+                    deep.write(in_depth, deep_path, depsgraph.scene.render)
+            pixels = dict(result)
         finally:
-            self._hand_over(layer.name, view, size, pixels)
-        self._stamp(".".join(filter(None, ("fumarole", layer.name, view))), result.stats, crypto_fields(layer, scene))
-
-    def _camera(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> core.Camera:
-        owner = self.camera_override or depsgraph.scene.camera
-        if owner is None:
-            raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"Scene '{depsgraph.scene.name}' has no camera")
-        owner = owner.evaluated_get(depsgraph)
-        matrix = np.array(self.camera_model_matrix(owner), dtype=np.float64)
-        return export_camera(owner, depsgraph.scene.render, matrix, self.camera_shift_x(owner), scene.warn)
-
-    def _cameras_beside(self, depsgraph: bpy.types.Depsgraph, scene: Scene) -> list[core.Camera]:
-        """The camera one frame before and one frame after."""
-        frame, subframe = depsgraph.scene.frame_current, depsgraph.scene.frame_subframe
-        cameras = []
-        try:
-            for step in (-1, 1):
-                self.frame_set(frame + step, subframe)
-                cameras.append(self._camera(depsgraph, scene))
-        finally:
-            self.frame_set(frame, subframe)
-        return cameras
+            self._hand_over(layer_name, view, size, pixels)
+        prefix = ".".join(filter(None, ("fumarole", layer_name, view)))
+        self._stamp(prefix, result.stats, samples, crypto_fields(depsgraph.view_layer_eval, scene))
 
     def _hand_over(self, layer: str, view: str, size: tuple[int, int], pixels: dict[str, np.ndarray]) -> None:
         """Gives Blender the passes. It needs a result even if there are none: without one some of its writers crash."""
@@ -162,13 +144,16 @@ class FumaroleEngine(bpy.types.RenderEngine):
         finally:
             self.end_result(result, cancel=not pixels)
 
-    def _stamp(self, prefix: str, stats: core.Stats, fields: dict[str, str]) -> None:
-        """Writes metadata of the picture: `fields`, and the measured accuracy as `prefix`.transmittance_rms and so on."""
+    def _stamp(self, prefix: str, stats: core.Stats, blur_samples: int, fields: dict[str, str]) -> None:
+        """Writes metadata of the picture: `fields`, `prefix`.blur_samples if there are any, and the measured accuracy as
+        `prefix`.transmittance_rms and so on."""
         rendered = self.get_result()
         if rendered is None:
             return
         for name, value in fields.items():
             rendered.stamp_data_add_field(name, value)
+        if blur_samples:
+            rendered.stamp_data_add_field(f"{prefix}.blur_samples", str(blur_samples))
         if stats.accuracy_count == 0:
             return
         rendered.stamp_data_add_field(f"{prefix}.transmittance_points", str(stats.accuracy_count))
@@ -191,29 +176,27 @@ class FumaroleEngine(bpy.types.RenderEngine):
             traceback.print_exc()
             self.report({"ERROR"}, f"Fumarole: internal error, please report it: {type(error).__name__}: {error}")
 
-    def _progress(self, view: int, view_count: int) -> core.context.Progress:
+    def _progress(self, view: int, view_count: int) -> Progress:
         told = ""
 
-        def report(stage: str, fraction: float, message: str) -> bool:
+        def tell(fraction: float, text: str) -> bool:
             nonlocal told
-            start, share = _STAGES[stage]
-            self.update_progress((view + start + share * fraction) / view_count)
-            # In the background each text is a line of its own: ten a stage are enough.
-            text = f"{message}, {int(10 * fraction) * 10} %"
-            if text != told:
+            self.update_progress((view + fraction) / view_count)
+            if text and text != told:
                 self.update_stats("", text)
                 told = text
             return self.test_break()
 
-        return report
+        return Progress(tell)
 
-    def _tell_statistics(self, stats: core.Stats) -> None:
+    def _tell_statistics(self, stats: core.Stats, blur_samples: int) -> None:
         mebibytes = stats.memory_bytes / 2**20
         self.update_memory_stats(memory_used=mebibytes, memory_peak=mebibytes)
         self.update_stats(
             "",
             f"{stats.particle_count:,} particles, {stats.light_count} lights, {mebibytes:,.0f} MiB, "
             f"lighting {stats.light_s:.2f} s, drawing {stats.draw_s:.2f} s on {stats.device or 'nothing'}"
+            + (f", {blur_samples} blur samples" if blur_samples else "")
             + (f", {accuracy_text(stats)}" if stats.accuracy_count else ""),
         )
 
@@ -225,25 +208,18 @@ class FumaroleEngine(bpy.types.RenderEngine):
 
 
 @contextlib.contextmanager
-def _core_scene(scene: Scene, threads: int, is_persistent: bool) -> Iterator[tuple[core.Scene, list[str]]]:
-    """The core scene to render and the warnings of making it, if those are not its context's. Raises FumaroleError.
-
-    Persistent: it is kept for the next render, which has it as it is if its particles and meshes are the same. After
-    a failure nothing is kept.
-    """
-    keeper = _keeper
-    if keeper is None or not is_persistent:
-        _forget_scene()
-        with core.Context(threads) as context:
-            yield build(scene, context), []
+def _keeping(is_persistent: bool, is_moving: bool) -> Iterator[Keeper | None]:
+    """What keeps core scenes: that of persistent data, or one for a render that may need several; None: nothing does."""
+    if is_persistent and _keeper is not None:
+        yield _keeper
         return
-    kept = keeper.take(scene, threads)
+    _forget_scene()
+    own = Keeper() if is_moving else None
     try:
-        yield kept.core_scene, kept.warnings
-    except BaseException:
-        kept.close()
-        raise
-    keeper.keep(kept)
+        yield own
+    finally:
+        if own is not None:
+            own.close()
 
 
 def _views(render: bpy.types.RenderSettings) -> list[str]:
@@ -261,16 +237,6 @@ def _size(render: bpy.types.RenderSettings) -> tuple[int, int]:
         return width, height
     x0, y0, x1, y1 = border(render, width, height)
     return x1 - x0, y1 - y0
-
-
-def _put_over(combined: np.ndarray, background: np.ndarray, holdout: np.ndarray | None) -> None:
-    """Puts premultiplied pixels (height, width, 4) over opaque colours, (3,) or (height, width, 3), in place.
-
-    `holdout` (height, width, 3): share of it that holdouts keep out, and leave transparent, as Cycles does.
-    """
-    left = 1 - combined[..., 3:] if holdout is None else 1 - combined[..., 3:] - holdout
-    combined[..., :3] += np.maximum(left, 0) * background.astype(np.float32)
-    combined[..., 3] = 1 if holdout is None else 1 - holdout.mean(-1)
 
 
 def register() -> None:

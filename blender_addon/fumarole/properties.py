@@ -127,6 +127,14 @@ class FumaroleSceneSettings(bpy.types.PropertyGroup):
         max=100.0,
         soft_max=10.0,
     )
+    blur_samples: IntProperty(
+        name="Blur Samples",
+        description="Renders at parts of the shutter and of the aperture whose mean is the picture. 1 blurs all in one "
+        "pass, 0 takes as many as the tolerance needs",
+        default=0,
+        min=0,
+        max=core.MOST_SAMPLES,
+    )
     use_deep: BoolProperty(
         name="Deep EXR",
         description="Write the smoke in depth to a file for each frame, for compositing: samples with R, G, B, A, Z and "

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import bpy
 
+from . import compat
 from .engine import FumaroleEngine, last_stats
 from .passes import LIGHT_SWITCHES, OWN_SWITCHES, SWITCHES
 
@@ -103,6 +104,24 @@ class FUMAROLE_PT_film(FumarolePanel, bpy.types.Panel):
         column = self.column()
         column.prop(context.scene.render, "film_transparent", text="Transparent")
         column.prop(context.scene.fumarole, "solids")
+
+
+class FUMAROLE_PT_blur(FumarolePanel, bpy.types.Panel):
+    bl_label = "Blur"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.column()
+        scene = context.scene
+        column.prop(scene.render, "use_motion_blur", text="Motion Blur")
+        shutter = column.column()
+        shutter.enabled = scene.render.use_motion_blur
+        position = compat.shutter_settings(scene)
+        if position is not None:
+            shutter.prop(position, "motion_blur_position", text="Position")
+        shutter.prop(scene.render, "motion_blur_shutter", text="Shutter")
+        column.prop(scene.fumarole, "blur_samples")
 
 
 class FUMAROLE_PT_performance(FumarolePanel, bpy.types.Panel):
@@ -230,6 +249,7 @@ _PANELS = (
     FUMAROLE_PT_artistic,
     FUMAROLE_PT_accuracy,
     FUMAROLE_PT_film,
+    FUMAROLE_PT_blur,
     FUMAROLE_PT_performance,
     FUMAROLE_PT_deep,
     FUMAROLE_PT_passes,

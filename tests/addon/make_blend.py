@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Run inside Blender: -- BLEND PICTURES CAMERA. Saves a scene of baked smoke; CAMERA is its type or NONE."""
+"""Run inside Blender: -- BLEND PICTURES CAMERA SHUTTER. Saves a scene of baked smoke; CAMERA is its type or NONE, SHUTTER
+the length of motion blur in frames, 0 for none."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ addon_utils.enable("fumarole", default_set=True)
 
 import scenes  # noqa: E402
 
-blend, pictures, kind = sys.argv[-3:]
+blend, pictures, kind, shutter = sys.argv[-4:]
 bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 scene = bpy.context.scene
 scene.render.resolution_x = scene.render.resolution_y = 64
@@ -25,6 +26,9 @@ scene.frame_end = 12
 owner = scenes.emitter()
 owner.data.materials.append(scenes.material("Smoke", Density=8.0))
 scenes.light("POINT", location=(0, -3, 4))
+if float(shutter) > 0:
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, float(shutter)
+    scene.fumarole.blur_samples = 3
 if kind != "NONE":
     scenes.camera(type=kind)
 scenes.bake()

@@ -13,9 +13,10 @@ from blenders import HERE, ROOT, Blender, Run, environment, run
 from exr import read_exr
 
 
-def make_blend(blender: Blender, folder: Path, camera: str = "PERSP") -> Path:
+def make_blend(blender: Blender, folder: Path, camera: str = "PERSP", shutter: float = 0.0) -> Path:
     blend = folder / "smoke.blend"
-    done = run(blender.script_command(HERE / "make_blend.py", str(blend), f"{folder}/####", camera), folder)
+    arguments = [str(blend), f"{folder}/####", camera, str(shutter)]
+    done = run(blender.script_command(HERE / "make_blend.py", *arguments), folder)
     assert done.code == 0 and blend.exists(), done.output
     return blend
 
@@ -35,8 +36,10 @@ def test_one_frame(blender: Blender, tmp_path: Path) -> None:
     assert read_exr(tmp_path / "0005.exr")["ViewLayer.Combined.A"].max() > 0.5
 
 
-def test_animation_moves_and_equals_single_frames(blender: Blender, tmp_path: Path) -> None:
-    blend = make_blend(blender, tmp_path)
+@pytest.mark.parametrize("shutter", [0.0, 1.0])
+def test_animation_moves_and_equals_single_frames(blender: Blender, tmp_path: Path, shutter: float) -> None:
+    """With motion blur too, whose samples go to times beside each frame."""
+    blend = make_blend(blender, tmp_path, shutter=shutter)
     done = run(blender.render_command(blend, "-s", "4", "-e", "6", "-a"), tmp_path)
     assert done.code == 0, done.output
     assert pictures(tmp_path) == ["0004.exr", "0005.exr", "0006.exr"]

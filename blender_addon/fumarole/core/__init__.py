@@ -27,6 +27,7 @@ Names
     Settings(solver, tolerance, ...)
     render -> Result             result[name], .stats (Stats), .warnings, .deep (Deep: .counts, .samples, .write(path))
     measure_blur -> Blur         how many pictures a shutter and an aperture ask for: .error, .samples
+    render_blurred -> Result     motion blur and depth of field as the mean of many renders; average: of your own
     render_reference -> ReferenceResult   the same by brute force in double precision: slow, and the truth
     transmittance, irradiance    the light at points
     write_exr(path, layers)
@@ -48,6 +49,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import _library
+from .blur import MOST_SAMPLES, BlurSample, average, needed_samples, render_blurred
 from .camera import Aperture, Camera
 from .context import Context
 from .deep import Deep
@@ -61,9 +63,11 @@ from .settings import Settings
 
 __all__ = [
     "LINK_SETS",
+    "MOST_SAMPLES",
     "PASSES",
     "Aperture",
     "Blur",
+    "BlurSample",
     "Camera",
     "Cancelled",
     "Context",
@@ -77,11 +81,14 @@ __all__ = [
     "Scene",
     "Settings",
     "Stats",
+    "average",
     "build_info",
     "crypto_hash",
     "irradiance",
     "measure_blur",
+    "needed_samples",
     "render",
+    "render_blurred",
     "render_reference",
     "transmittance",
     "version",

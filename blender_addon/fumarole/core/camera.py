@@ -152,6 +152,17 @@ class Camera:
                 )
         return self._with(motion=(previous, next))
 
+    def project(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where points (n, 3) of the world are in the picture: (n, 2) pixels from its lower left corner, and their
+        depth (n,) along the axis, m. Of a perspective camera, pixels of points behind it are nan."""
+        axes = self.matrix[:3, :3] / np.linalg.norm(self.matrix[:3, :3], axis=0)
+        local = (np.asarray(points, np.float64) - self.matrix[:3, 3]) @ axes
+        depth = -local[:, 2]
+        scale = np.where(depth > 0, depth, np.nan)[:, None] if self.type == "PERSPECTIVE" else 1.0
+        left, right, bottom, top = self.window
+        place = (local[:, :2] / scale - (left, bottom)) / (right - left, top - bottom)
+        return place * (self.width, self.height), depth
+
     def _set(
         self,
         matrix: ArrayLike | None,

@@ -84,14 +84,20 @@ class Result(Mapping[Wanted, Pixels]):
     channels), first row at the bottom.
 
     stats: a Stats. warnings: those of the scene's context until the end of this render. deep: a Deep, if it was asked
-    for.
+    for. samples: how many renders it is the mean of.
     """
 
     def __init__(
-        self, pixels: dict[Wanted, Pixels], stats: Stats, warnings: list[str], deep: Deep | None = None
+        self,
+        pixels: dict[Wanted, Pixels],
+        stats: Stats,
+        warnings: list[str],
+        deep: Deep | None = None,
+        samples: int = 1,
     ) -> None:
         self._pixels = pixels
         self.deep = deep
+        self.samples = samples
         self.stats = stats
         self.warnings = warnings
 

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from .. import core
+from .blur import export_aperture, export_shutter
 from .nodes import Warn
 
 _TYPES = {"PERSP": "PERSPECTIVE", "ORTHO": "ORTHOGRAPHIC"}
@@ -14,27 +15,24 @@ _TYPES = {"PERSP": "PERSPECTIVE", "ORTHO": "ORTHOGRAPHIC"}
 
 def export_camera(
     owner: bpy.types.Object,
-    render: bpy.types.RenderSettings,
+    scene: bpy.types.Scene,
+    layer: bpy.types.ViewLayer,
     matrix: np.ndarray,
     shift_x: float,
     warn: Warn,
 ) -> core.Camera:
-    """The camera of an evaluated object, cropped to the render border.
+    """The camera of an evaluated object, cropped to the render border, with the layer's shutter and its own aperture.
 
     `matrix` (4, 4) and `shift_x` are those of the view that is rendered, which in stereo are not the object's own.
     Raises core.FumaroleError for an object that is no camera and for panoramas.
     """
-    lens = owner.data
+    lens, render = owner.data, scene.render
     name = f"Camera '{owner.name_full}'"
     if not isinstance(lens, bpy.types.Camera):
         kind = owner.type.lower()
         raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"'{owner.name_full}' is set as camera but is a {kind}")
     if lens.type not in _TYPES:
         raise core.FumaroleError(core.ErrorCode.ARGUMENT, f"{name} is of type {lens.type}, which isn't supported")
-    if lens.dof.use_dof:
-        warn(f"{name}: depth of field isn't supported yet")
-    if render.use_motion_blur:
-        warn("Motion blur isn't supported yet")
     width, height = resolution(render)
     camera = core.Camera(
         matrix=matrix,
@@ -49,7 +47,7 @@ def export_camera(
         shift=(shift_x, lens.shift_y),
         pixel_aspect=(render.pixel_aspect_x, render.pixel_aspect_y),
         clip=(lens.clip_start, lens.clip_end),
-    )
+    ).blurred(export_shutter(scene, layer, warn), export_aperture(lens, matrix))
     return camera.crop(*border(render, width, height)) if render.use_border else camera
 
 

@@ -193,7 +193,8 @@ class _CaptureEngine(bpy.types.RenderEngine):
         exported = export_scene(depsgraph)
         owner = depsgraph.scene.camera
         matrix = np.array(self.camera_model_matrix(owner))
-        view = export_camera(owner, depsgraph.scene.render, matrix, self.camera_shift_x(owner), exported.warn)
+        layer = depsgraph.view_layer_eval
+        view = export_camera(owner, depsgraph.scene, layer, matrix, self.camera_shift_x(owner), exported.warn)
         _CaptureEngine.captured.append(Export(exported, view))
         if _CaptureEngine.look:
             _CaptureEngine.look(depsgraph, exported)

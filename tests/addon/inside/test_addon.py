@@ -93,7 +93,7 @@ def draw(panel: str, **context: object) -> list[str]:
 
 def test_panels_draw_every_setting(scene: bpy.types.Scene) -> None:
     drawn = []
-    for panel in ("lighting", "artistic", "film", "performance", "deep"):
+    for panel in ("lighting", "artistic", "film", "blur", "performance", "deep"):
         drawn += draw(f"FUMAROLE_PT_{panel}")
     settings = [name for name in scene.fumarole.bl_rna.properties.keys() if name not in ("rna_type", "name")]
     assert set(settings) <= set(drawn)
@@ -179,5 +179,5 @@ def test_settings_are_saved(scene: bpy.types.Scene, tmp_path: Path) -> None:
 
 def test_defaults_are_those_of_the_library(scene: bpy.types.Scene) -> None:
     defaults = core.Settings()
-    for name in type(scene.fumarole).__annotations__.keys() - {"use_deep", "deep_path"}:
+    for name in type(scene.fumarole).__annotations__.keys() - {"use_deep", "deep_path", "blur_samples"}:
         assert getattr(scene.fumarole, name) == pytest.approx(getattr(defaults, name)), name

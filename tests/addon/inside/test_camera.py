@@ -80,15 +80,6 @@ def test_camera_follows_its_animation_and_parent(scene: bpy.types.Scene) -> None
     assert np.allclose(result.camera.matrix[:3, 3], (0, 0, 12))
 
 
-@pytest.mark.parametrize(("setting", "word"), [("dof", "depth of field"), ("blur", "Motion blur")])
-def test_what_is_not_modelled_is_named(scene: bpy.types.Scene, setting: str, word: str) -> None:
-    owner = scenes.camera()
-    owner.data.dof.use_dof = setting == "dof"
-    scene.render.use_motion_blur = setting == "blur"
-    (result,) = scenes.export_layers()
-    assert any(word in text for text in result.scene.warnings)
-
-
 def test_panorama_is_an_error_that_names_the_camera(scene: bpy.types.Scene) -> None:
     scenes.camera(type="PANO")
     scene.render.engine = "FUMAROLE"
