@@ -33,6 +33,20 @@ static inline void fum_vf_store(float *values, fum_vf v) {
   memcpy(values, &v, sizeof v);
 }
 
+/* values[indices[i]] */
+static inline fum_vf fum_vf_gather(const float *values, fum_vi indices) {
+#if defined(__AVX512F__) && FUM_LANES == 16
+  return (fum_vf)_mm512_i32gather_ps((__m512i)indices, values, 4);
+#elif defined(__AVX2__) && FUM_LANES == 8
+  return (fum_vf)_mm256_i32gather_ps(values, (__m256i)indices, 4);
+#else
+  fum_vf gathered;
+  for (int lane = 0; lane < FUM_LANES; lane++)
+    gathered[lane] = values[indices[lane]];
+  return gathered;
+#endif
+}
+
 static inline float fum_vf_sum(fum_vf v) {
   float sum = 0.0F;
   for (int lane = 0; lane < FUM_LANES; lane++)

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The part of tile_loop.h that adds up a tile's splats in its slabs. */
-#include "billboard/map_look.h"
-#include "billboard/tile_rays.h"
+#include "billboard/tile_map_loop.h"
 
 #include <string.h>
 
@@ -71,49 +70,6 @@ static void deposit(const tile *t, float *at, fum_vf depth, const float *look) {
   for (int32_t c = 1; c < t->channels; c++) {
     float *channel = at + (int64_t)c * FUM_TILE_PIXELS;
     fum_vf_store(channel, fum_vf_load(channel) + depth * look[c - 1]);
-  }
-}
-
-/* A splat's map, and what it holds at the pixels of a vector: red, green, blue and opacity. */
-typedef struct splat_map {
-  const fum_map *map;
-  fum_map_look look;
-  fum_vf here[4];
-} splat_map;
-
-/* False if the splat has no map. */
-static bool find_map(const fum_tile_job *job, uint32_t splat, splat_map *out) {
-  if (!job->has_maps) return false;
-  const fum_splat *s = &job->splats->splats[splat];
-  const uint32_t index = job->octree->indices[splat];
-  const fum_particles *set = fum_scene_particles_of(job->scene, index);
-  const double center[3] = {(double)s->center[0], (double)s->center[1], (double)s->center[2]};
-  if (set->map == NULL) return false;
-  out->map = set->map;
-  fum_map_look_find(set, index - set->offset, job->view, center, (double)s->sigma, (double)s->width, &out->look);
-  out->look.is_colored = !job->ignores_map_colors;
-  return true;
-}
-
-static void read_map(const tile *t, int32_t pixel, splat_map *m) {
-  const float *a = m->look.across, *b = m->look.up;
-  const fum_vf u = fum_vf_load(t->u + pixel), v = fum_vf_load(t->v + pixel);
-  const fum_vf inverse_length = fum_vf_load(t->inverse_length + pixel);
-  const fum_vf x = 0.5F + (u * a[0] + v * a[1] + a[2]) * inverse_length;
-  const fum_vf y = 0.5F + (u * b[0] + v * b[1] + b[2]) * inverse_length;
-  for (int lane = 0; lane < FUM_LANES; lane++) {
-    const fum_map_texel texel = fum_map_read(m->map, &m->look, x[lane], y[lane]);
-    for (int c = 0; c < 4; c++)
-      m->here[c][lane] = texel[c];
-  }
-}
-
-/* `depth` without the map. */
-static void deposit_mapped(const tile *t, float *at, fum_vf depth, const float *look, const splat_map *m) {
-  fum_vf_store(at, fum_vf_load(at) + depth * m->here[3]);
-  for (int32_t c = 1; c < t->channels; c++) {
-    float *channel = at + (int64_t)c * FUM_TILE_PIXELS;
-    fum_vf_store(channel, fum_vf_load(channel) + depth * look[c - 1] * m->here[(c - 1) % 3]);
   }
 }
 

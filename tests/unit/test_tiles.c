@@ -191,11 +191,42 @@ static void test_loops_agree(void **state) {
   puffs_free(&small);
 }
 
+/* With maps: a white one, whose opacity alone is read, and a coloured one. */
+static void test_loops_read_maps_alike(void **state) {
+  (void)state;
+  puffs p = puffs_random(200, 5, 1.0F, 0.3F, 2.0F);
+  const double eye[3] = {0.0, 0.0, 4.0}, inside[3] = {0.1, 0.2, 0.5}, light[3] = {3.0, 2.0, 1.0};
+  const fum_camera cameras[] = {make_camera(eye, 0.4, 0.1, FUM_CAMERA_PERSPECTIVE),
+                                make_camera(inside, 0.8, 0.01, FUM_CAMERA_PERSPECTIVE)};
+  float map[4 * 9 * 7];
+  for (int k = 0; k < 4; k++) {
+    const bool is_colored = k % 2 != 0;
+    for (int i = 0; i < 4 * 9 * 7; i++)
+      map[i] = is_colored || i % 4 == 3 ? uniform(70U + (uint64_t)i, 0.1F, 1.0F) : 1.0F;
+    stage s = stage_open();
+    fum_particles_desc desc;
+    fum_particles_desc_init(&desc);
+    desc.count = p.count;
+    desc.positions = p.positions;
+    desc.radii = p.radii;
+    desc.densities = p.densities;
+    desc.map = map;
+    desc.map_width = 9;
+    desc.map_height = 7;
+    assert_int_equal(fum_scene_add_particles(s.scene, &desc), FUM_OK);
+    add_point_light(s.scene, light);
+    check_loops(s.scene, &cameras[k / 2]);
+    stage_close(&s);
+  }
+  puffs_free(&p);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_opacity_is_the_closed_form),
       cmocka_unit_test(test_instruction_sets_and_threads),
       cmocka_unit_test(test_loops_agree),
+      cmocka_unit_test(test_loops_read_maps_alike),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
