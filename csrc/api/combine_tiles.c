@@ -171,11 +171,14 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
 }
 
 /* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask for
- * light. Interpolation has them place samples out there anyway. */
-static float drawn_sigmas(const fum_rendering *r, const fum_slabs *slabs) {
+ * light. Interpolation has them place samples out there anyway. Of the thinnest, a share of the tolerance is moved. */
+static fum_footprints drawn_footprints(const fum_rendering *r, const fum_slabs *slabs) {
   const double usual = 10.0; /* optical depth of the smoke as a whole */
-  const double share = 0.0625 * fmin(1.0, usual / slabs->depth);
-  return fum_footprint_sigmas(r->scene, (float)share * r->settings.tolerance);
+  const double share = 0.0625 * fmin(1.0, usual / slabs->depth), moved = 0.12;
+  const double sigmas = (double)fum_footprint_sigmas(r->scene, (float)share * r->settings.tolerance);
+  const double thin = sqrt(fmax(4.0, -2.0 * log(moved * (double)r->settings.tolerance)));
+  /* A map may hold most of a particle where a Gaussian has little. */
+  return fum_footprints_find(sigmas, fum_scene_map_traits(r->scene).has_maps ? sigmas : fmin(thin, sigmas));
 }
 
 /* A fum_draw_values_fn. */
@@ -249,8 +252,8 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
-  status =
-      fum_splats_find(r->context, all, &r->view, &light.slabs, drawn_sigmas(r, &light.slabs), job.thinnest, &splats);
+  const fum_footprints footprints = drawn_footprints(r, &light.slabs);
+  status = fum_splats_find(r->context, all, &r->view, &light.slabs, &footprints, job.thinnest, &splats);
   if (status != FUM_OK) goto done;
   fum_tiles_shade_dust(r->context, &job, &splats);
   r->stats.drawn_count = splats.seen_count;

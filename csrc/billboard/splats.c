@@ -37,15 +37,15 @@ typedef struct lens {
   const fum_octree *octree;
   const fum_view *view;
   const fum_slabs *slabs;
-  double footprint_sigmas;
+  fum_footprints footprints;
   float thinnest;
   double pixels_per_unit[2]; /* of the window */
   double pixel;              /* width of the wider side of a pixel at unit depth */
 } lens;
 
-static lens make_lens(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs, double footprint_sigmas,
-                      float thinnest) {
-  lens l = {octree, view, slabs, footprint_sigmas, thinnest, {0.0, 0.0}, 0.0};
+static lens make_lens(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
+                      const fum_footprints *footprints, float thinnest) {
+  lens l = {octree, view, slabs, *footprints, thinnest, {0.0, 0.0}, 0.0};
   l.pixels_per_unit[0] = (double)view->width / (view->window[1] - view->window[0]);
   l.pixels_per_unit[1] = (double)view->height / (view->window[3] - view->window[2]);
   l.pixel = 1.0 / fum_least(l.pixels_per_unit[0], l.pixels_per_unit[1]);
@@ -89,6 +89,31 @@ static void find_span(const fum_slabs *slabs, fum_splat *s) {
   s->last_slab = (uint16_t)last;
 }
 
+/* What isn't cut off a Gaussian that ends so many sigmas from its middle. */
+static double kept_within(double sigmas) {
+  return 1.0 - exp(-0.5 * sigmas * sigmas);
+}
+
+fum_footprints fum_footprints_find(double sigmas, double thin_sigmas) {
+  return (fum_footprints){.sigmas = sigmas,
+                          .thin_sigmas = thin_sigmas,
+                          .thin = exp(0.5 * (thin_sigmas * thin_sigmas - sigmas * sigmas)),
+                          .per_kept = 1.0 / kept_within(thin_sigmas)};
+}
+
+/* Where a particle ends. What is cut off a thin one is seen nowhere but adds up where there are many: it is spread over
+ * what is left. */
+static double end_splat(const fum_footprints *f, double *optical_depth) {
+  if (*optical_depth <= f->thin) {
+    *optical_depth *= f->per_kept;
+    return f->thin_sigmas;
+  }
+  if (*optical_depth >= 1.0) return fum_footprint(f->sigmas, *optical_depth);
+  const double end = sqrt(f->sigmas * f->sigmas + 2.0 * log(*optical_depth));
+  *optical_depth /= kept_within(end);
+  return end;
+}
+
 static fum_splat see(const lens *l, int64_t i) {
   const fum_octree *octree = l->octree;
   const fum_view *view = l->view;
@@ -103,10 +128,10 @@ static fum_splat see(const lens *l, int64_t i) {
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;
   splat.width = (float)width;
+  splat.footprint = (float)end_splat(&l->footprints, &optical_depth);
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
-  splat.reach = (float)(sigma * fum_footprint(ALONG_SHARE * l->footprint_sigmas, optical_depth));
-  splat.footprint = (float)fum_footprint(l->footprint_sigmas, optical_depth);
+  splat.reach = (float)(sigma * ALONG_SHARE * (double)splat.footprint);
   find_outline(l, (double)splat.footprint * width, &splat);
   find_span(l->slabs, &splat);
   return splat;
@@ -184,11 +209,11 @@ done:
 }
 
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                        float footprint_sigmas, float thinnest, fum_splats *out_splats) {
+                        const fum_footprints *footprints, float thinnest, fum_splats *out_splats) {
   fum_splats s = {.count = octree->count,
                   .columns = (view->width + FUM_TILE - 1) / FUM_TILE,
                   .rows = (view->height + FUM_TILE - 1) / FUM_TILE};
-  const lens l = make_lens(octree, view, slabs, (double)footprint_sigmas, thinnest);
+  const lens l = make_lens(octree, view, slabs, footprints, thinnest);
   int64_t seen = 0;
   int32_t status = fum_alloc(context, s.count, sizeof *s.splats, "splats", &s.splats);
   if (status != FUM_OK) goto done;

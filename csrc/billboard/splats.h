@@ -38,9 +38,19 @@ static inline float fum_splat_gap(const fum_splat *s, int axis, float first, flo
   return gap * gap / (s->half_px[axis] * s->half_px[axis]);
 }
 
+/* How far out particles are drawn. */
+typedef struct fum_footprints {
+  double sigmas;      /* one of optical depth 1; others so that as much of them lies outside... */
+  double thin_sigmas; /* ...but at least so far */
+  double thin;        /* optical depth of those that are drawn that far */
+  double per_kept;    /* what is within thin_sigmas times this is all of a Gaussian */
+} fum_footprints;
+
+fum_footprints fum_footprints_find(double sigmas, double thin_sigmas);
+
 /* `thinnest` as in fum_slabs_find. */
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                        float footprint_sigmas, float thinnest, fum_splats *out_splats);
+                        const fum_footprints *footprints, float thinnest, fum_splats *out_splats);
 void fum_splats_free(fum_context *context, fum_splats *splats);
 
 #endif

@@ -119,6 +119,7 @@ static void draw_at_level(fum_context *context, fum_tile_job *job, fum_cpu_level
 static void check_loops(fum_scene *scene, const fum_camera *camera) {
   static float plain[4 * SIDE * SIDE], other[4 * SIDE * SIDE];
   const float footprint_sigmas = 3.5F;
+  const fum_footprints footprints = fum_footprints_find(4.0, 3.5);
   fum_context *context = scene->context;
   fum_settings settings;
   fum_view view;
@@ -141,7 +142,7 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   assert_int_equal(fum_lattice_place(context, all, &view, &slabs, footprint_sigmas, settings.tolerance, &lattice),
                    FUM_OK);
   assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, &lighting.lamps, &lattice), FUM_OK);
-  assert_int_equal(fum_splats_find(context, all, &view, &slabs, footprint_sigmas, job.thinnest, &splats), FUM_OK);
+  assert_int_equal(fum_splats_find(context, all, &view, &slabs, &footprints, job.thinnest, &splats), FUM_OK);
   draw_at_level(context, &job, FUM_CPU_PLAIN, plain);
   float brightest = 0.0F;
   for (int level = 1; level <= (int)FUM_CPU_AVX512; level++) {
