@@ -191,6 +191,7 @@ static int32_t solve_level(fum_context *context, const fum_sweep_task *task, con
                              .patches = &patches,
                              .to_middle = {(float)o[0], (float)o[1], (float)o[2]},
                              .beyond = (float)(squared - view->reference * view->reference),
+                             .is_lit = task->is_lit,
                              .depths = depths};
   if (status == FUM_OK) status = sweep_level(context, &job, progress);
   fum_sweep_patches_free(context, &patches);

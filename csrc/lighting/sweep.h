@@ -17,15 +17,17 @@ typedef struct fum_sweep_job {
   const fum_sweep_view *view;
   const fum_sweep_level *level;
   const fum_sweep_patches *patches;
-  fum_vec3 to_middle; /* of the view... */
-  float beyond;       /* ...and its squared length less that of the reference */
-  float *depths;      /* [points->count] what is found is added */
+  fum_vec3 to_middle;    /* of the view... */
+  float beyond;          /* ...and its squared length less that of the reference */
+  const uint8_t *is_lit; /* [points->count] */
+  float *depths;         /* [points->count] what is found is added */
 } fum_sweep_job;
 
 typedef enum fum_sweep_buffer {
   FUM_SWEEP_LINES,
   FUM_SWEEP_FOOTPRINTS,
   FUM_SWEEP_SPOTS,
+  FUM_SWEEP_RECEIVERS,
   FUM_SWEEP_CASTER_SLABS,
   FUM_SWEEP_CASTER_BEGINS,
   FUM_SWEEP_CASTER_ORDER,

@@ -31,7 +31,8 @@ typedef struct patch {
   const fum_sweep_job *job;
   fum_vec3 right, up, axis;
   float offset[3];
-  float lower[2]; /* window of grid line 0 */
+  int32_t face, place[2]; /* of the view; column and row of the patch on it */
+  float lower[2];         /* window of grid line 0 */
   int32_t columns, rows;
   float *lines; /* [rows][columns][FACES] optical depth in front of faces */
   int32_t open; /* the first face that is open; FACES are */
@@ -82,12 +83,14 @@ static void lay_patch(patch *p, int64_t index) {
     f++;
   const fum_sweep_face *face = &view->faces[f];
   const int64_t place = index - face->first_patch;
+  p->face = f;
+  p->place[0] = (int32_t)(place % face->columns);
+  p->place[1] = (int32_t)(place / face->columns);
   const float sides[2] = {(face->upper[0] - face->lower[0]) / (float)face->columns,
                           (face->upper[1] - face->lower[1]) / (float)face->rows};
   float ends[4], lower[2] = {INFINITY, INFINITY}, upper[2] = {-INFINITY, -INFINITY};
   for (int k = 0; k < 4; k++) {
-    const int64_t n = k < 2 ? place % face->columns : place / face->columns;
-    ends[k] = face->lower[k / 2] + sides[k / 2] * (float)(n + k % 2);
+    ends[k] = face->lower[k / 2] + sides[k / 2] * (float)(p->place[k / 2] + k % 2);
   }
   turn(p, face, ends);
   for (int k = 0; k < 4; k++) {
@@ -292,38 +295,69 @@ static void sweep_patch(patch *p, const footprint *footprints, const agenda *cas
   }
 }
 
+/* Points of all leaves of a list. */
+static int64_t count_points(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count) {
+  int64_t count = 0;
+  for (int64_t k = 0; k < leaf_count; k++)
+    count += octree->nodes[leaves[k]].count;
+  return count;
+}
+
+static int64_t take_casters(const patch *p, const uint32_t *leaves, int64_t leaf_count, footprint *out) {
+  int64_t found = 0;
+  for (int64_t k = 0; k < leaf_count; k++) {
+    const fum_octree_node *leaf = &p->job->casters->nodes[leaves[k]];
+    for (int64_t i = 0; i < leaf->count; i += FUM_LANES)
+      found += find_footprints(p, leaf->begin + i, leaf->count - i, out + found);
+  }
+  return found;
+}
+
+static int64_t take_receivers(const patch *p, const uint32_t *leaves, int64_t leaf_count, spot *out,
+                              uint32_t *out_indices) {
+  int64_t found = 0;
+  for (int64_t k = 0; k < leaf_count; k++) {
+    const fum_octree_node *leaf = &p->job->points->nodes[leaves[k]];
+    for (int64_t i = 0; i < leaf->count; i += FUM_LANES)
+      found += find_spots(p, leaf->begin + i, leaf->count - i, out + found, out_indices + found);
+  }
+  return found;
+}
+
+/* Room for as many; what isn't given yet is given by the first who asks. */
+static agenda reserve_agenda(fum_sweep_scratch *s, fum_sweep_buffer first, int64_t count, int32_t slab_count) {
+  return (agenda){reserve(s, first, count * (int64_t)sizeof(int32_t)),
+                  reserve(s, first + 1, (slab_count + 1) * (int64_t)sizeof(uint32_t)),
+                  reserve(s, first + 2, (count + AHEAD) * (int64_t)sizeof(uint32_t))};
+}
+
 void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *scratch) {
   const fum_sweep_patches *lists = job->patches;
-  const uint32_t *caster_list = lists->casters + lists->caster_begins[index];
-  const uint32_t *receiver_list = lists->receivers + lists->receiver_begins[index];
-  const int64_t casters = lists->caster_begins[index + 1] - lists->caster_begins[index];
-  const int64_t receivers = lists->receiver_begins[index + 1] - lists->receiver_begins[index];
+  const uint32_t *caster_leaves = lists->casters + lists->caster_begins[index];
+  const uint32_t *receiver_leaves = lists->receivers + lists->receiver_begins[index];
+  const int64_t caster_leaf_count = lists->caster_begins[index + 1] - lists->caster_begins[index];
+  const int64_t receiver_leaf_count = lists->receiver_begins[index + 1] - lists->receiver_begins[index];
   const int32_t slab_count = job->level->slab_count;
-  if (casters == 0 || receivers == 0) return;
+  if (caster_leaf_count == 0 || receiver_leaf_count == 0) return;
   patch p = {.job = job};
   lay_patch(&p, index);
+  const int64_t most_receivers = count_points(job->points, receiver_leaves, receiver_leaf_count);
+  spot *spots = reserve(scratch, FUM_SWEEP_SPOTS, most_receivers * (int64_t)sizeof *spots);
+  uint32_t *indices = reserve(scratch, FUM_SWEEP_RECEIVERS, most_receivers * (int64_t)sizeof *indices);
+  if (scratch->is_out_of_memory) return;
+  const int64_t receivers = take_receivers(&p, receiver_leaves, receiver_leaf_count, spots, indices);
+  if (receivers == 0) return;
+  const int64_t most_casters = count_points(job->casters, caster_leaves, caster_leaf_count);
+  footprint *footprints = reserve(scratch, FUM_SWEEP_FOOTPRINTS, most_casters * (int64_t)sizeof *footprints);
+  if (scratch->is_out_of_memory) return;
+  const int64_t casters = take_casters(&p, caster_leaves, caster_leaf_count, footprints);
+  if (casters == 0) return;
   const int64_t bytes = (int64_t)p.rows * p.columns * FACES * (int64_t)sizeof(float);
-  const int64_t begins_bytes = (slab_count + 1) * (int64_t)sizeof(uint32_t);
   p.lines = reserve(scratch, FUM_SWEEP_LINES, bytes);
   p.open = -BATCH;
-  footprint *footprints = reserve(scratch, FUM_SWEEP_FOOTPRINTS, casters * (int64_t)sizeof *footprints);
-  spot *spots = reserve(scratch, FUM_SWEEP_SPOTS, receivers * (int64_t)sizeof *spots);
-  agenda to_add = {reserve(scratch, FUM_SWEEP_CASTER_SLABS, casters * (int64_t)sizeof(int32_t)),
-                   reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins_bytes),
-                   reserve(scratch, FUM_SWEEP_CASTER_ORDER, (casters + AHEAD) * (int64_t)sizeof(uint32_t))};
-  agenda to_read = {reserve(scratch, FUM_SWEEP_RECEIVER_SLABS, receivers * (int64_t)sizeof(int32_t)),
-                    reserve(scratch, FUM_SWEEP_RECEIVER_BEGINS, begins_bytes),
-                    reserve(scratch, FUM_SWEEP_RECEIVER_ORDER, (receivers + AHEAD) * (int64_t)sizeof(uint32_t))};
+  agenda to_add = reserve_agenda(scratch, FUM_SWEEP_CASTER_SLABS, casters, slab_count);
+  agenda to_read = reserve_agenda(scratch, FUM_SWEEP_RECEIVER_SLABS, receivers, slab_count);
   if (scratch->is_out_of_memory) return;
-  uint32_t indices[FUM_LANES];
-  for (int64_t k = 0; k < casters; k += FUM_LANES) {
-    const int32_t count = take_indices(caster_list, k, casters, indices);
-    find_footprints(&p, indices, count, footprints + k);
-  }
-  for (int64_t k = 0; k < receivers; k += FUM_LANES) {
-    const int32_t count = take_indices(receiver_list, k, receivers, indices);
-    find_spots(&p, indices, count, spots + k);
-  }
   for (int64_t k = 0; k < casters; k++)
     to_add.slabs[k] = footprints[k].first;
   for (int64_t k = 0; k < receivers; k++)
@@ -331,5 +365,5 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   sort_agenda(casters, slab_count, &to_add);
   sort_agenda(receivers, slab_count, &to_read);
   memset(p.lines, 0, (size_t)bytes);
-  sweep_patch(&p, footprints, &to_add, spots, &to_read, receiver_list);
+  sweep_patch(&p, footprints, &to_add, spots, &to_read, indices);
 }

@@ -165,7 +165,8 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
       axis[k] = view.to_middle[k] / distance;
   }
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
-  const int32_t status = fum_alloc(context, casters->count, sizeof *view.sigmas, "a light's view", &view.sigmas);
+  const int32_t status =
+      fum_alloc(context, casters->count + FUM_OCTREE_PAD, sizeof *view.sigmas, "a light's view", &view.sigmas);
   if (status != FUM_OK) return status;
   *out_is_clear = measure(context, medium, radius, &view);
   aim_faces(radius + view.reach_m, axis, &view);
@@ -201,10 +202,18 @@ typedef struct span {
   uint8_t begin[2], end[2];
 } span;
 
-static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, const fum_octree *points, int64_t i) {
-  const fum_vec3 q = {points->x[i] - view->middle.x, points->y[i] - view->middle.y, points->z[i] - view->middle.z};
+/* A point as seen from the light, along a face's axes... */
+static fum_vec3 see(const fum_sweep_view *view, const fum_sweep_face *face, fum_vec3 point) {
+  const fum_vec3 q = fum_sub(point, view->middle);
   return (fum_vec3){fum_dot(q, face->right) + face->offset[0], fum_dot(q, face->up) + face->offset[1],
                     fum_dot(q, face->axis) + face->offset[2]};
+}
+
+/* ...and along those of the world. */
+static fum_vec3 see_plainly(const fum_sweep_view *view, fum_vec3 point) {
+  const double *o = view->to_middle;
+  return (fum_vec3){point.x - view->middle.x + (float)o[0], point.y - view->middle.y + (float)o[1],
+                    point.z - view->middle.z + (float)o[2]};
 }
 
 /* Window of a ball, in the plane of one of the face's sides and its axis: the tangents of its outlines, INFINITY where
@@ -240,7 +249,7 @@ static span find_span(bool is_parallel, const fum_sweep_face *face, fum_vec3 p, 
   return s;
 }
 
-/* What is sorted, and how it is seen. */
+/* What is sorted: leaves, and how they are seen. */
 typedef struct sorting {
   const fum_sweep_view *view;
   const fum_sweep_level *level;
@@ -248,13 +257,6 @@ typedef struct sorting {
   const uint8_t *is_lit;
   float sigma_scale;
 } sorting;
-
-/* A point as seen from the light, along the axes of the world. */
-static fum_vec3 see_plainly(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
-  const double *o = view->to_middle;
-  return (fum_vec3){points->x[i] - view->middle.x + (float)o[0], points->y[i] - view->middle.y + (float)o[1],
-                    points->z[i] - view->middle.z + (float)o[2]};
-}
 
 /* Is a ball clearly outside of the pyramid over a side of the cube? They look along x, against x, along y and so on. */
 static bool is_outside(fum_vec3 p, int side, float radius) {
@@ -264,7 +266,52 @@ static bool is_outside(fum_vec3 p, int side, float radius) {
   return lateral - 1.01F * (side % 2 == 0 ? at[axis] : -at[axis]) > 1.43F * radius;
 }
 
-/* Where an item is: on a face, or one of these. */
+/* A ball around the centres of a leaf. */
+static fum_vec3 middle_of(const fum_octree_node *leaf) {
+  const float *l = leaf->lower, *u = leaf->upper;
+  return (fum_vec3){0.5F * (l[0] + u[0]), 0.5F * (l[1] + u[1]), 0.5F * (l[2] + u[2])};
+}
+
+static float radius_of(const fum_octree_node *leaf) {
+  const float *l = leaf->lower, *u = leaf->upper;
+  return 0.5F * fum_length((fum_vec3){u[0] - l[0], u[1] - l[1], u[2] - l[2]});
+}
+
+/* How far casters of the level reach out of a leaf, cells of the grid included; 0: there are none of this level. */
+static float reach_of(const sorting *s, const fum_octree_node *leaf) {
+  const fum_sweep_level *level = s->level;
+  float reach = 0.0F;
+  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
+    const float seen = s->view->sigmas[i];
+    if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) continue;
+    const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
+    reach = fum_max(reach, sigma * (s->view->reach + 2.1F * level->cell / seen));
+  }
+  return reach;
+}
+
+static bool has_lit(const sorting *s, const fum_octree_node *leaf) {
+  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
+    if (s->is_lit[i]) return true;
+  }
+  return false;
+}
+
+/* The ball of a leaf of casters or receivers that patches are told of; negative: of none. */
+static float find_ball(const sorting *s, bool is_casters, const fum_octree_node *leaf) {
+  const float radius = radius_of(leaf), nothing = -1.0F;
+  if (leaf->children != 0) return nothing;
+  if (is_casters) {
+    const float reach = reach_of(s, leaf);
+    return reach > 0.0F ? radius + reach : nothing;
+  }
+  const float distance = fum_length(see_plainly(s->view, middle_of(leaf)));
+  const float rounded = 1.001F * radius + 1e-5F * distance;
+  if (!s->view->is_parallel && distance + rounded < (float)s->level->begin) return nothing;
+  return has_lit(s, leaf) ? rounded : nothing;
+}
+
+/* Where a leaf is: on a face, or one of these. */
 enum { NOWHERE = -1, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
 
 typedef struct place {
@@ -272,33 +319,31 @@ typedef struct place {
   span span;
 } place;
 
-/* Lists that are filled: first each patch's items are counted, then they are written down at the places counted. */
+/* Lists that are filled: first each patch's leaves are counted, then they are written down at the places counted. */
 typedef struct filling {
   int64_t *cursors; /* [patch_count] */
   uint32_t *list;   /* NULL: only counted */
 } filling;
 
-static void put(const fum_sweep_face *face, span s, int64_t i, const filling *f) {
+static void put(const fum_sweep_face *face, span s, int64_t leaf, const filling *f) {
   for (int32_t row = s.begin[1]; row < s.end[1]; row++) {
     for (int32_t column = s.begin[0]; column < s.end[0]; column++) {
       const int64_t at = f->cursors[face->first_patch + (int64_t)row * face->columns + column]++;
-      if (f->list != NULL) f->list[at] = (uint32_t)i;
+      if (f->list != NULL) f->list[at] = (uint32_t)leaf;
     }
   }
 }
 
-static place put_caster(const sorting *s, int64_t i, const filling *f) {
-  const fum_sweep_level *level = s->level;
-  const float seen = s->view->sigmas[i];
+static place put_leaf(const sorting *s, bool is_casters, int64_t i, const filling *f) {
+  const fum_octree_node *leaf = &(is_casters ? s->casters : s->points)->nodes[i];
+  const float radius = find_ball(s, is_casters, leaf);
   place found = {.face = NOWHERE};
-  if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) return found;
-  const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
-  const float radius = sigma * (s->view->reach + 2.1F * level->cell / seen);
-  const fum_vec3 p = see_plainly(s->view, s->casters, i);
+  if (radius < 0.0F) return found;
+  const fum_vec3 middle = middle_of(leaf), plain = see_plainly(s->view, middle);
   for (int n = 0; n < s->view->face_count; n++) {
     const fum_sweep_face *face = &s->view->faces[n];
-    if (s->view->face_count > 1 && is_outside(p, n, radius)) continue;
-    const span on_face = find_span(s->view->is_parallel, face, see(s->view, face, s->casters, i), radius);
+    if (s->view->face_count > 1 && is_outside(plain, n, radius)) continue;
+    const span on_face = find_span(s->view->is_parallel, face, see(s->view, face, middle), radius);
     if (on_face.end[0] == 0) continue;
     put(face, on_face, i, f);
     found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
@@ -306,42 +351,21 @@ static place put_caster(const sorting *s, int64_t i, const filling *f) {
   return found;
 }
 
-/* The face whose axis is nearest to the point. */
-static int face_of(const fum_sweep_view *view, const fum_octree *points, int64_t i) {
-  if (view->face_count == 1) return 0;
-  const fum_vec3 p = see_plainly(view, points, i);
-  const float x = fabsf(p.x), y = fabsf(p.y), z = fabsf(p.z);
-  if (x >= y && x >= z) return p.x < 0.0F;
-  return y >= z ? 2 + (p.y < 0.0F) : 4 + (p.z < 0.0F);
-}
-
-static place put_receiver(const sorting *s, int64_t i, const filling *f) {
-  const place nowhere = {.face = NOWHERE};
-  if (!s->is_lit[i]) return nowhere;
-  const int n = face_of(s->view, s->points, i);
-  const fum_sweep_face *face = &s->view->faces[n];
-  const fum_vec3 p = see(s->view, face, s->points, i);
-  if (!s->view->is_parallel && fum_length(p) < (float)s->level->begin) return nowhere;
-  const place found = {(int8_t)n, find_span(s->view->is_parallel, face, p, 0.0F)};
-  put(face, found.span, i, f);
-  return found;
-}
-
 /* What is on several faces is looked for again, instead of being remembered. */
-static void put_again(const sorting *s, place at, int64_t i, const filling *f) {
+static void put_again(const sorting *s, bool is_casters, place at, int64_t i, const filling *f) {
   if (at.face == ON_SEVERAL_FACES) {
-    (void)put_caster(s, i, f);
+    (void)put_leaf(s, is_casters, i, f);
   } else if (at.face != NOWHERE) {
     put(&s->view->faces[at.face], at.span, i, f);
   }
 }
 
-/* Counting sort: each block of items counts, then writes to places of its own, so that every list stays in order
+/* Counting sort: each block of leaves counts, then writes to places of its own, so that every list stays in order
  * whatever the number of threads. */
 static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int64_t patch_count, int64_t *begins,
                     uint32_t **out_list) {
   const char *what = "patches of a light";
-  const int64_t count = is_casters ? s->casters->count : s->points->count;
+  const int64_t count = (is_casters ? s->casters : s->points)->node_count;
   const int blocks = fum_thread_count(context);
   int64_t *cursors = NULL, total = 0;
   place *places = NULL;
@@ -353,7 +377,7 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
     const filling f = {cursors + block * patch_count, NULL};
     const int64_t end = count * (block + 1) / blocks;
     for (int64_t i = count * block / blocks; i < end; i++)
-      places[i] = is_casters ? put_caster(s, i, &f) : put_receiver(s, i, &f);
+      places[i] = put_leaf(s, is_casters, i, &f);
   }
   for (int64_t patch = 0; patch < patch_count; patch++) {
     begins[patch] = total;
@@ -371,7 +395,7 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
     const filling f = {cursors + block * patch_count, *out_list};
     const int64_t end = count * (block + 1) / blocks;
     for (int64_t i = count * block / blocks; i < end; i++)
-      put_again(s, places[i], i, &f);
+      put_again(s, is_casters, places[i], i, &f);
   }
 done:
   fum_free(context, &places);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* A light's view of smoke and receivers, cut into patches that are worked on one by one: each has a plane of its own
- * that faces the light, so that footprints are right at every angle, and lists of the casters that reach into it and of
- * the receivers in it. */
+ * that faces the light, so that footprints are right at every angle, and lists of the leaves whose casters may reach
+ * into it and of those that may have receivers in it. */
 #ifndef FUM_LIGHTING_SWEEP_PATCHES_H
 #define FUM_LIGHTING_SWEEP_PATCHES_H
 
@@ -57,7 +57,7 @@ typedef struct fum_sweep_level {
 typedef struct fum_sweep_patches {
   int64_t count;
   int64_t *caster_begins, *receiver_begins; /* [count + 1] */
-  uint32_t *casters, *receivers;            /* places in their octrees' order */
+  uint32_t *casters, *receivers;            /* nodes of their octrees: leaves */
 } fum_sweep_patches;
 
 /* Sigmas along the rays over which a caster is spread; what lies beyond is at its ends. */

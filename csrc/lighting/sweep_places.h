@@ -7,23 +7,24 @@ typedef struct places {
   fum_vf slabs_per_metre;
 } places;
 
-/* Entries of an array at FUM_LANES indices. */
-static inline fum_vf gather(const float *values, const uint32_t *indices) {
-  fum_vf v;
-  for (int lane = 0; lane < FUM_LANES; lane++)
-    v[lane] = values[indices[lane]];
-  return v;
-}
-
 static inline fum_vf dot(fum_vf x, fum_vf y, fum_vf z, fum_vec3 axis) {
   return x * axis.x + y * axis.y + z * axis.z;
 }
 
-static inline places find_places(const patch *p, const fum_octree *points, const uint32_t *indices) {
+/* FUM_LANES points of an octree from `first` on, relative to the middle of the view. */
+typedef struct points {
+  fum_vf x, y, z;
+} points;
+
+static inline points load_points(const fum_sweep_view *view, const fum_octree *octree, int64_t first) {
+  return (points){fum_vf_load(octree->x + first) - view->middle.x, fum_vf_load(octree->y + first) - view->middle.y,
+                  fum_vf_load(octree->z + first) - view->middle.z};
+}
+
+static inline places find_places(const patch *p, const points *q) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_level *level = p->job->level;
-  const fum_vf qx = gather(points->x, indices) - view->middle.x, qy = gather(points->y, indices) - view->middle.y;
-  const fum_vf qz = gather(points->z, indices) - view->middle.z;
+  const fum_vf qx = q->x, qy = q->y, qz = q->z;
   const fum_vf x = dot(qx, qy, qz, p->right) + p->offset[0], y = dot(qx, qy, qz, p->up) + p->offset[1];
   const fum_vf along = dot(qx, qy, qz, p->axis), z = along + p->offset[2];
   const float per_slab = 1.0F / level->slab;
@@ -40,16 +41,28 @@ static inline places find_places(const patch *p, const fum_octree *points, const
   return (places){x * per_depth, y * per_depth, z, (range - level->first) * per_slab, slope * per_slab};
 }
 
+/* Bits of the first `count` entries. */
+static inline uint32_t bits_below(int64_t count) {
+  return count < FUM_LANES ? (UINT32_C(1) << count) - 1 : UINT32_MAX >> (32 - FUM_LANES);
+}
+
 /* Grids are read with cubic B-splines, whose own variance is a third of a step: casters are put in narrower by as much,
  * and so are exact to fourth order, at a step as large as sigma. */
 static const float SPLINE_VARIANCE = 0.33333333F, LEAST_VARIANCE = 0.2F;
 
-static void find_footprints(const patch *p, const uint32_t *indices, int32_t count, footprint *out) {
+/* Casters of the level among `count` from `first` on that reach into the patch, FUM_LANES at most. Returns how many. */
+static int32_t find_footprints(const patch *p, int64_t first, int64_t count, footprint *out) {
   const fum_octree *casters = p->job->casters;
+  const fum_sweep_level *level = p->job->level;
+  const fum_vf seen = fum_vf_load(p->job->view->sigmas + first);
+  const fum_vi is_of_level = (seen > 0.0F) & (seen >= level->smallest) & (seen < level->largest);
+  uint32_t taken = fum_vi_bits(is_of_level) & bits_below(count);
+  if (taken == 0) return 0;
   const float cell = p->job->level->cell;
   const bool is_parallel = p->job->view->is_parallel;
-  const places at = find_places(p, casters, indices);
-  const fum_vf sigma = p->job->sigma_scale / gather(casters->inverse_sigmas, indices), variance = sigma * sigma;
+  const points q = load_points(p->job->view, casters, first);
+  const places at = find_places(p, &q);
+  const fum_vf sigma = p->job->sigma_scale / fum_vf_load(casters->inverse_sigmas + first), variance = sigma * sigma;
   const fum_vf one = fum_vf_set(1.0F), nowhere = fum_vf_set(-8.0F);
   const fum_vf squared = is_parallel ? one : 1.0F / (1.0F + at.u * at.u + at.v * at.v);
   /* How far apart grid lines are there, in m, squared and averaged over directions. */
@@ -60,30 +73,39 @@ static void find_footprints(const patch *p, const uint32_t *indices, int32_t cou
   const fum_vf narrow_along = fum_vf_sqrt(fum_vf_at_least(along * along - SPLINE_VARIANCE, LEAST_VARIANCE));
   /* Rays that pass at a distance d come nearest to the centre d^2 / (2 distance) before it. */
   const fum_vf bend = variance * at.slabs_per_metre * fum_vf_sqrt(squared) / at.depth;
-  const fum_vf optical_depth = gather(casters->optical_depths, indices) * p->job->depth_scale * variance * per_narrow;
+  const fum_vf optical_depth =
+      fum_vf_load(casters->optical_depths + first) * p->job->depth_scale * variance * per_narrow;
   const fum_vf reach = FUM_SWEEP_SPREAD * narrow_along;
   /* A caster far beside the patch has no place on its plane, nor anything to give to it. */
   const fum_vi is_before = (at.depth > 0.0F) & (squared > 0.06F);
   const fum_vf range = is_parallel ? at.range : fum_vf_select(is_before, at.range - bend, at.range);
-  const fum_vf values[] = {fum_vf_select(is_before, (at.u - p->lower[0]) / cell, nowhere),
-                           fum_vf_select(is_before, (at.v - p->lower[1]) / cell, nowhere),
+  const fum_vf column = fum_vf_select(is_before, (at.u - p->lower[0]) / cell, nowhere);
+  const fum_vf row = fum_vf_select(is_before, (at.v - p->lower[1]) / cell, nowhere);
+  const fum_vf across = fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(narrow / squared) / step, one);
+  const fum_vf values[] = {column,
+                           row,
                            at.u,
                            at.v,
                            squared,
                            0.72134752F * at.depth * at.depth * per_narrow,
                            optical_depth,
-                           fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(narrow / squared) / step, one),
+                           across,
                            range,
                            1.0F / narrow_along,
                            fum_vf_at_least(range - reach, 0.0F),
                            range + reach};
-  for (int32_t k = 0; k < count; k++) {
-    footprint *f = &out[k];
+  taken &= fum_vi_bits((column + across >= 0.0F) & (column - across <= (float)(p->columns - 1)) &
+                       (row + across >= 0.0F) & (row - across <= (float)(p->rows - 1)));
+  int32_t found = 0;
+  for (; taken != 0; taken &= taken - 1) {
+    const int k = __builtin_ctz(taken);
+    footprint *f = &out[found++];
     *f = (footprint){values[0][k], values[1][k], values[2][k],           values[3][k],
                      values[4][k], values[5][k], values[6][k],           values[7][k],
                      values[8][k], values[9][k], (int32_t)values[10][k], (int32_t)values[11][k]};
     f->last = f->last < f->first + MOST_SPAN ? f->last : f->first + MOST_SPAN - 1;
   }
+  return found;
 }
 
 /* A receiver in its patch: cells and slabs. */
@@ -91,18 +113,51 @@ typedef struct spot {
   float column, row, range;
 } spot;
 
-static void find_spots(const patch *p, const uint32_t *indices, int32_t count, spot *out) {
-  const float per_cell = 1.0F / p->job->level->cell, last = (float)(p->job->level->slab_count - 2);
-  const places at = find_places(p, p->job->points, indices);
-  const fum_vf column = (at.u - p->lower[0]) * per_cell, row = (at.v - p->lower[1]) * per_cell;
-  const fum_vf range = fum_vf_at_least(at.range, 1.0F);
-  for (int32_t k = 0; k < count; k++)
-    out[k] = (spot){column[k], row[k], range[k] < last ? range[k] : last};
+/* Entries whose face is the one whose axis is nearest to them. */
+static inline fum_vi are_on_face(const patch *p, const points *q) {
+  const fum_vec3 o = p->job->to_middle;
+  const fum_vf x = q->x + o.x, y = q->y + o.y, z = q->z + o.z;
+  const fum_vf ax = fum_vf_abs(x), ay = fum_vf_abs(y), az = fum_vf_abs(z);
+  const fum_vi on_x = (ax >= ay) & (ax >= az), on_y = ~on_x & (ay >= az), on_z = ~(on_x | on_y);
+  const fum_vi is_behind = p->face / 2 == 0 ? x < 0.0F : p->face / 2 == 1 ? y < 0.0F : z < 0.0F;
+  return (p->face / 2 == 0 ? on_x : p->face / 2 == 1 ? on_y : on_z) & (p->face % 2 == 1 ? is_behind : ~is_behind);
 }
 
-/* FUM_LANES indices from place `k` on, the last of `count` again where there are fewer; returns how many there are. */
-static int32_t take_indices(const uint32_t *list, int64_t k, int64_t count, uint32_t out[FUM_LANES]) {
-  for (int64_t lane = 0; lane < FUM_LANES; lane++)
-    out[lane] = list[k + lane < count ? k + lane : count - 1];
-  return (int32_t)(count - k < FUM_LANES ? count - k : FUM_LANES);
+/* Entries of which the patch is the one that they are in along one side of the face. */
+static inline fum_vi are_in_patch(const patch *p, int axis, fum_vf at) {
+  const fum_sweep_face *face = &p->job->view->faces[p->face];
+  const int32_t count = axis == 0 ? face->columns : face->rows, place = p->place[axis];
+  const fum_vf patches = (at - face->lower[axis]) * ((float)count / (face->upper[axis] - face->lower[axis]));
+  const fum_vi is_behind = patches >= (float)place, is_before = patches < (float)(place + 1);
+  return (at >= face->lower[axis]) & (at <= face->upper[axis]) & (place == 0 ? ~(fum_vi){0} : is_behind) &
+         (place == count - 1 ? ~(fum_vi){0} : is_before);
+}
+
+/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most, and their places in the order
+ * of the octree. Returns how many. Whatever patch asks, the same is found: each is in one. */
+static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *out, uint32_t *out_indices) {
+  const fum_sweep_view *view = p->job->view;
+  const fum_sweep_face *face = &view->faces[p->face];
+  const points q = load_points(view, p->job->points, first);
+  const fum_vf x = dot(q.x, q.y, q.z, face->right) + face->offset[0];
+  const fum_vf y = dot(q.x, q.y, q.z, face->up) + face->offset[1];
+  const fum_vf z = dot(q.x, q.y, q.z, face->axis) + face->offset[2];
+  const fum_vf depth = view->is_parallel ? fum_vf_set(1.0F) : z;
+  fum_vi is_here = are_in_patch(p, 0, x / depth) & are_in_patch(p, 1, y / depth) & (depth > 0.0F);
+  if (view->face_count > 1) is_here &= are_on_face(p, &q);
+  if (!view->is_parallel) is_here &= x * x + y * y + z * z >= (float)(p->job->level->begin * p->job->level->begin);
+  uint32_t taken = fum_vi_bits(is_here) & bits_below(count);
+  if (taken == 0) return 0;
+  const float per_cell = 1.0F / p->job->level->cell, last = (float)(p->job->level->slab_count - 2);
+  const places at = find_places(p, &q);
+  const fum_vf column = (at.u - p->lower[0]) * per_cell, row = (at.v - p->lower[1]) * per_cell;
+  const fum_vf range = fum_vf_at_least(at.range, 1.0F);
+  int32_t found = 0;
+  for (; taken != 0; taken &= taken - 1) {
+    const int k = __builtin_ctz(taken);
+    if (!p->job->is_lit[first + k]) continue;
+    out[found] = (spot){column[k], row[k], range[k] < last ? range[k] : last};
+    out_indices[found++] = (uint32_t)(first + k);
+  }
+  return found;
 }
