@@ -174,7 +174,7 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
  * light. Interpolation has them place samples out there anyway. Of the thinnest, a share of the tolerance is moved. */
 static fum_footprints drawn_footprints(const fum_rendering *r, const fum_slabs *slabs) {
   const double usual = 10.0; /* optical depth of the smoke as a whole */
-  const double share = 0.0625 * fmin(1.0, usual / slabs->depth), moved = 0.12;
+  const double share = 0.0625 * fmin(1.0, usual / slabs->depth), moved = 0.08;
   const double sigmas = (double)fum_footprint_sigmas(r->scene, (float)share * r->settings.tolerance);
   const double thin = sqrt(fmax(4.0, -2.0 * log(moved * (double)r->settings.tolerance)));
   /* A map may hold most of a particle where a Gaussian has little. */

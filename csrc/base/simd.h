@@ -105,11 +105,11 @@ static inline fum_vf fum_vf_sqrt(fum_vf v) {
 #endif
 }
 
-/* 2^x for x <= 0 within 2e-7 relative; 0 below -126. Rounding by a large constant leaves the integer in the low bits;
- * the polynomial is 2^f on [-1/2, 1/2] (Chebyshev fit). */
-static inline fum_vf fum_vf_exp2(fum_vf x) {
+/* 2^x for x <= 0 within 2e-7 relative; 0 below `least`, which is -126 or more. Rounding by a large constant leaves the
+ * integer in the low bits; the polynomial is 2^f on [-1/2, 1/2] (Chebyshev fit). */
+static inline fum_vf fum_vf_exp2_from(float least, fum_vf x) {
   const float magic = 12582912.0F; /* 1.5 * 2^23 */
-  const fum_vi is_zero = x < -126.0F;
+  const fum_vi is_zero = x < least;
   const fum_vf rounded = x + magic;
   const fum_vf f = x - (rounded - magic);
   fum_vf p = 1.5403530e-4F * f + 1.3398874e-3F;
@@ -120,6 +120,10 @@ static inline fum_vf fum_vf_exp2(fum_vf x) {
   p = p * f + 1.0F;
   const fum_vu exponent = (fum_vu)rounded << 23;
   return (fum_vf)(((fum_vu)p + exponent) & ~(fum_vu)is_zero);
+}
+
+static inline fum_vf fum_vf_exp2(fum_vf x) {
+  return fum_vf_exp2_from(-126.0F, x);
 }
 
 /* erfc(z / sqrt 2) / 2, the upper tail of the normal distribution, for z >= 0 within 3e-7 relative where it matters.

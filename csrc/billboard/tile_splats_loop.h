@@ -39,7 +39,7 @@ typedef struct patch {
 } patch;
 
 /* fum_splat_gap of rows or columns of blocks, from the one at `first` on. */
-static void find_gaps(const fum_splat *s, int axis, int32_t first, float gaps[FUM_BLOCKS]) {
+static void find_gaps(const fum_splat *s, int axis, int32_t first, float *gaps) {
   static const float BEGINS[FUM_BLOCKS] = {0, 4, 8, 12, 16, 20, 24, 28};
   const float start = (float)first - s->middle_px[axis], per_half = 1.0F / s->half_px[axis];
   for (int32_t k = 0; k < FUM_BLOCKS; k++) {
@@ -50,7 +50,8 @@ static void find_gaps(const fum_splat *s, int axis, int32_t first, float gaps[FU
 }
 
 static void find_patch(const tile *t, const fum_splat *s, patch *out) {
-  float across[FUM_BLOCKS], up[FUM_BLOCKS];
+  const uint32_t all = (1U << FUM_BLOCKS) - 1;
+  float across[WIDEST_LANES] = {0.0F}, up[FUM_BLOCKS];
   find_gaps(s, 0, t->x0, across);
   find_gaps(s, 1, t->y0, up);
   out->count = 0;
@@ -58,9 +59,9 @@ static void find_patch(const tile *t, const fum_splat *s, patch *out) {
     const float left = s->rim - up[y];
     if (!(left >= 0.0F)) continue;
     uint32_t touched = 0;
-    for (int32_t x = 0; x < FUM_BLOCKS; x++)
-      touched |= (uint32_t)(across[x] <= left) << x;
-    for (; touched != 0; touched &= touched - 1)
+    for (int32_t x = 0; x < FUM_BLOCKS; x += FUM_LANES)
+      touched |= fum_vi_bits(fum_vf_load(across + x) <= left) << x;
+    for (touched &= all; touched != 0; touched &= touched - 1)
       out->blocks[out->count++] = (y * FUM_BLOCKS + __builtin_ctz(touched)) * FUM_BLOCK_PIXELS;
   }
 }
@@ -95,14 +96,10 @@ static void find_shares(const tile *t, const fum_splat *s, float range, bool mov
   }
 }
 
-/* A Gaussian, as its logarithm to the base 2, ended at its footprint: whole blocks are gone through, but what is drawn
- * must not depend on where their edges are. */
-static fum_vf end_at(fum_vf exponent, float least) {
-  return fum_vf_select(exponent < least, fum_vf_set(-1000.0F), exponent);
-}
-
+/* Logarithm to the base 2 of a Gaussian where it ends: whole blocks are gone through, but what is drawn must not depend
+ * on where their edges are. */
 static float least_exponent(const fum_splat *s) {
-  return -HALF_LOG2_E * s->footprint * s->footprint;
+  return fum_max(-HALF_LOG2_E * s->footprint * s->footprint, -126.0F);
 }
 
 /* What a far splat's footprint is made of. */
@@ -133,7 +130,7 @@ static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_v
     squared = (squared + e3 * e3) * (inverse_length * inverse_length);
   }
   *out_squared = squared;
-  return f->optical_depth * fum_vf_exp2(end_at(squared * f->falloff, f->least));
+  return f->optical_depth * fum_vf_exp2_from(f->least, squared * f->falloff);
 }
 
 /* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
@@ -196,7 +193,7 @@ static inline __attribute__((always_inline)) void splat_near(const tile *t, cons
         squared = (a * a + b * b + d * d) * (inverse_length * inverse_length);
         nearest = (c[0] * u + c[1] * v - c[2]) * inverse_length;
       }
-      const fum_vf gauss = s->optical_depth * fum_vf_exp2(end_at(squared * falloff, least));
+      const fum_vf gauss = s->optical_depth * fum_vf_exp2_from(least, squared * falloff);
       const fum_vf near = fum_vf_load(t->near + pixel), far = vf_max(near, fum_vf_load(t->far + pixel));
       fum_vf begin = near;
       if (map != NULL) read_map(t, pixel, map);
