@@ -18,7 +18,7 @@ enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH }
 /* A caster in its patch. */
 typedef struct footprint {
   float column, row;          /* of its centre, in cells */
-  float u, v;                 /* the same in the patch's window */
+  float u, v;                 /* the same in the patch's window; 0 of a parallel light */
   float squared_cosine;       /* between its ray and the axis */
   float falloff;              /* its Gaussian is 2^(-falloff d^2), d across the ray in tangents or m */
   float optical_depth;        /* at its centre */
@@ -164,13 +164,39 @@ static bool find_box(const patch *p, const footprint *f, box *out) {
   return true;
 }
 
-/* Optical depths of a caster at the cells of a box, rows one after the other. */
+/* Columns and rows of a vector's entries in a box 8 wide, whose rows fill it. */
+static const float PAIR_COLUMNS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7},
+                   PAIR_ROWS[16] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+
+/* The plane is flat: that a caster's ray leans on it bends its outline by so little (in tangents) that it doesn't show.
+ */
+static const float FLAT = 0.01F;
+
+/* Optical depths of a caster at the cells of a box, rows one after the other, where its exponent is of second degree:
+ * from one row to the next the Gaussian grows by a factor, which falls off by one that is the same everywhere. */
+static void find_flat_cells(const patch *p, const footprint *f, const box *b, float *cells) {
+  const int32_t width = b->width, at_once = FUM_LANES > width ? FUM_LANES / width : 1;
+  const float cell = p->job->level->cell, falloff = -f->falloff * f->squared_cosine * cell * cell;
+  const float across = falloff * (1.0F + f->v * f->v), up = falloff * (1.0F + f->u * f->u);
+  const float both = -2.0F * falloff * f->u * f->v, step = (float)at_once;
+  const fum_vf fall = fum_vf_exp2(fum_vf_set(2.0F * step * step * up));
+  const fum_vf y = (at_once > 1 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F)) + ((float)b->y - f->row);
+  for (int32_t column = 0; column < width; column += FUM_LANES) {
+    const fum_vf x = fum_vf_load((at_once > 1 ? PAIR_COLUMNS : NUMBERS) + column) + ((float)b->x - f->column);
+    fum_vf gauss = f->optical_depth * fum_vf_exp2(across * x * x + both * x * y + up * y * y);
+    fum_vf growth = fum_vf_exp2(step * (both * x + up * (2.0F * y + step)));
+    for (int32_t row = 0; row < b->rows; row += at_once) {
+      fum_vf_store(cells + row * width + column, gauss);
+      gauss *= growth;
+      growth *= fall;
+    }
+  }
+}
+
+/* The same, whatever the exponent. */
 static void find_cells(const patch *p, const footprint *f, const box *b, float *cells) {
-  /* Columns and rows of a vector's entries, where rows are 8 wide. */
-  static const float COLUMNS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7},
-                     ROWS[16] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
-  const float cell = p->job->level->cell, *columns = b->width == 8 ? COLUMNS : NUMBERS;
-  const fum_vf rows = b->width == 8 ? fum_vf_load(ROWS) : fum_vf_set(0.0F);
+  const float cell = p->job->level->cell, *columns = b->width == 8 ? PAIR_COLUMNS : NUMBERS;
+  const fum_vf rows = b->width == 8 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F);
   for (int32_t k = 0; k < b->rows * b->width; k += FUM_LANES) {
     const fum_vf e1 = (fum_vf_load(columns + k % b->width) + ((float)b->x - f->column)) * cell;
     const fum_vf e2 = (rows + ((float)(b->y + k / b->width) - f->row)) * cell;
@@ -190,7 +216,8 @@ static void deposit(const patch *p, const footprint *f) {
   fum_vf shares[FACES / FUM_LANES];
   box b;
   if (!find_box(p, f, &b)) return;
-  find_cells(p, f, &b, cells);
+  const float reach = f->reach * p->job->level->cell, lean = fabsf(f->u) + fabsf(f->v) + reach;
+  (p->job->view->is_parallel || lean * reach < FLAT ? find_flat_cells : find_cells)(p, f, &b, cells);
   find_line(p, f, line);
   for (int32_t k = 0; k < FACES / FUM_LANES; k++)
     shares[k] = fum_vf_load(line + k * FUM_LANES);

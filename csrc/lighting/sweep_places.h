@@ -84,8 +84,8 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   const fum_vf across = fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(narrow / squared) / step, one);
   const fum_vf values[] = {column,
                            row,
-                           at.u,
-                           at.v,
+                           is_parallel ? fum_vf_set(0.0F) : at.u,
+                           is_parallel ? fum_vf_set(0.0F) : at.v,
                            squared,
                            0.72134752F * at.depth * at.depth * per_narrow,
                            optical_depth,
