@@ -182,10 +182,12 @@ static int32_t solve_level(fum_context *context, const fum_sweep_task *task, con
   (void)fum_sweep_lay(level, view, &patches.count);
   int32_t status = fum_sweep_sort(context, medium, task->receivers, task->is_lit, view, level, &patches);
   const double *o = view->to_middle, squared = o[0] * o[0] + o[1] * o[1] + o[2] * o[2];
+  const float edge = expf(-0.5F * view->reach * view->reach);
   const fum_sweep_job job = {.casters = fum_medium_casters(medium),
                              .points = task->receivers->octree,
                              .sigma_scale = medium->sigma_scale,
-                             .depth_scale = medium->depth_scale / (1.0F - expf(-0.5F * view->reach * view->reach)),
+                             .depth_scale = medium->depth_scale / (1.0F - edge),
+                             .edge = edge,
                              .view = view,
                              .level = level,
                              .patches = &patches,

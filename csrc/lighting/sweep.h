@@ -14,6 +14,7 @@
 typedef struct fum_sweep_job {
   const fum_octree *casters, *points;
   float sigma_scale, depth_scale; /* of what is put in: that which lies beyond the reach included */
+  float edge;                     /* what a Gaussian falls to there */
   const fum_sweep_view *view;
   const fum_sweep_level *level;
   const fum_sweep_patches *patches;

@@ -145,10 +145,10 @@ static int32_t at_most(float value, int32_t most) {
   return value < (float)most ? (int32_t)floorf(value) : most;
 }
 
-/* Cells around a caster: a box, of which each row has those within reach. */
+/* Cells around a caster: a box. */
 typedef struct box {
-  int32_t x, y, rows, width;                        /* first cell; width is 8, 16 or 32, so that rows fill vectors */
-  int32_t begins[MOST_COLUMNS], ends[MOST_COLUMNS]; /* of rows, from x on */
+  int32_t x, y, columns, rows; /* from the first cell on */
+  int32_t width;               /* 8, 16 or 32, so that rows fill vectors */
 } box;
 
 /* False where nothing of the caster is in the patch. */
@@ -158,26 +158,28 @@ static bool find_box(const patch *p, const footprint *f, box *out) {
   out->y = at_least(f->row - f->reach, 0);
   const int32_t columns = x1 - out->x + 1, rows = y1 - out->y + 1;
   if (columns <= 0 || rows <= 0) return false;
+  out->columns = columns;
   out->width = columns <= 8 ? 8 : columns <= 16 ? 16 : MOST_COLUMNS;
   out->rows = rows < MOST_COLUMNS ? rows : MOST_COLUMNS;
-  const float first = (float)out->x, last = (float)(x1 < out->x + MOST_COLUMNS ? x1 : out->x + MOST_COLUMNS - 1);
-  for (int32_t k = 0; k < out->rows; k += FUM_LANES) {
-    const fum_vf dy = fum_vf_load(NUMBERS + k) + ((float)out->y - f->row);
-    const fum_vf half = fum_vf_sqrt(fum_vf_at_least(f->reach * f->reach - dy * dy, 0.0F));
-    /* None is negative, so that truncation rounds down. */
-    const fum_vf begin = fum_vf_at_least(f->column - half - first, 0.0F), end = f->column + half;
-    const fum_vf clipped = fum_vf_select(end < last, end, fum_vf_set(last)) - first + 1.0F;
-    const fum_vi whole = __builtin_convertvector(begin, fum_vi), ends = __builtin_convertvector(clipped, fum_vi);
-    const fum_vi begins = whole - (__builtin_convertvector(whole, fum_vf) < begin);
-    memcpy(out->begins + k, &begins, sizeof begins);
-    memcpy(out->ends + k, &ends, sizeof ends);
-  }
   return true;
 }
+
+/* What a caster adds to cells and faces. */
+typedef struct deposit {
+  box box;
+  float cells[MOST_COLUMNS * MOST_COLUMNS + FUM_LANES]; /* rows one after the other; 0 beyond its reach */
+  float line[FACES];
+  bool is_empty;
+} deposit;
 
 /* Columns and rows of a vector's entries in a box 8 wide, whose rows fill it. */
 static const float PAIR_COLUMNS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7},
                    PAIR_ROWS[16] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+
+/* What a Gaussian falls to where it ends: no row goes on behind the box. */
+static fum_vf find_edge(const patch *p, const footprint *f, const box *b, fum_vf columns) {
+  return fum_vf_select(columns < (float)b->columns, fum_vf_set(f->optical_depth * p->job->edge), fum_vf_set(INFINITY));
+}
 
 /* The plane is flat: that a caster's ray leans on it bends its outline by so little (in tangents) that it doesn't show.
  */
@@ -193,11 +195,12 @@ static void find_flat_cells(const patch *p, const footprint *f, const box *b, fl
   const fum_vf fall = fum_vf_exp2(fum_vf_set(2.0F * step * step * up));
   const fum_vf y = (at_once > 1 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F)) + ((float)b->y - f->row);
   for (int32_t column = 0; column < width; column += FUM_LANES) {
-    const fum_vf x = fum_vf_load((at_once > 1 ? PAIR_COLUMNS : NUMBERS) + column) + ((float)b->x - f->column);
+    const fum_vf columns = fum_vf_load((at_once > 1 ? PAIR_COLUMNS : NUMBERS) + column);
+    const fum_vf x = columns + ((float)b->x - f->column), edge = find_edge(p, f, b, columns);
     fum_vf gauss = f->optical_depth * fum_vf_exp2(across * x * x + both * x * y + up * y * y);
     fum_vf growth = fum_vf_exp2(step * (both * x + up * (2.0F * y + step)));
     for (int32_t row = 0; row < b->rows; row += at_once) {
-      fum_vf_store(cells + row * width + column, gauss);
+      fum_vf_store(cells + row * width + column, fum_vf_select(gauss < edge, fum_vf_set(0.0F), gauss));
       gauss *= growth;
       growth *= fall;
     }
@@ -217,16 +220,11 @@ static void find_cells(const patch *p, const footprint *f, const box *b, float *
       const fum_vf e3 = e2 * f->u - e1 * f->v, grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
       squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
     }
-    fum_vf_store(cells + k, f->optical_depth * fum_vf_exp2(squared * -f->falloff));
+    const fum_vf gauss = f->optical_depth * fum_vf_exp2(squared * -f->falloff);
+    const fum_vf edge = find_edge(p, f, b, fum_vf_load(columns + k % b->width));
+    fum_vf_store(cells + k, fum_vf_select(gauss < edge, fum_vf_set(0.0F), gauss));
   }
 }
-
-/* What a caster adds to cells and faces. */
-typedef struct deposit {
-  box box;
-  float cells[MOST_COLUMNS * MOST_COLUMNS + FUM_LANES], line[FACES];
-  bool is_empty;
-} deposit;
 
 static void find_deposit(const patch *p, const footprint *f, deposit *d) {
   const float reach = f->reach * p->job->level->cell, lean = fabsf(f->u) + fabsf(f->v) + reach;
@@ -234,6 +232,15 @@ static void find_deposit(const patch *p, const footprint *f, deposit *d) {
   if (d->is_empty) return;
   find_line(p, f, d->line);
   (p->job->view->is_parallel || lean * reach < FLAT ? find_flat_cells : find_cells)(p, f, &d->box, d->cells);
+}
+
+/* Cells in a row that are added to together: which of them are within reach isn't asked, as that can't be foretold. */
+enum { AT_ONCE = 4 };
+
+static bool is_touched(const float *cells) {
+  uint64_t pairs[2];
+  memcpy(pairs, cells, sizeof pairs);
+  return (pairs[0] | pairs[1]) != 0;
 }
 
 static void add_deposit(const patch *p, const deposit *d) {
@@ -245,9 +252,13 @@ static void add_deposit(const patch *p, const deposit *d) {
   for (int32_t y = 0; y < b->rows; y++) {
     float *at = p->lines + ((int64_t)(b->y + y) * p->columns + b->x) * FACES;
     const float *row = d->cells + y * b->width;
-    for (int32_t x = b->begins[y]; x < b->ends[y]; x++) {
-      for (int32_t k = 0; k < FACES / FUM_LANES; k++)
-        fum_vf_store(at + x * FACES + k * FUM_LANES, fum_vf_load(at + x * FACES + k * FUM_LANES) + row[x] * shares[k]);
+    for (int32_t x = 0; x < b->width; x += AT_ONCE) {
+      if (!is_touched(row + x)) continue;
+      for (int32_t i = x; i < x + AT_ONCE; i++) {
+        for (int32_t k = 0; k < FACES / FUM_LANES; k++)
+          fum_vf_store(at + i * FACES + k * FUM_LANES,
+                       fum_vf_load(at + i * FACES + k * FUM_LANES) + row[i] * shares[k]);
+      }
     }
   }
 }
@@ -410,7 +421,8 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   if (scratch->is_out_of_memory) return;
   const int64_t casters = take_casters(&p, caster_leaves, caster_leaf_count, footprints);
   if (casters == 0) return;
-  const int64_t bytes = (int64_t)p.rows * p.columns * FACES * (int64_t)sizeof(float);
+  /* Boxes may run over the ends of rows, where they are 0. */
+  const int64_t bytes = ((int64_t)p.rows * p.columns + MOST_COLUMNS) * FACES * (int64_t)sizeof(float);
   p.lines = reserve(scratch, FUM_SWEEP_LINES, bytes);
   p.open = -BATCH;
   agenda to_add = reserve_agenda(scratch, FUM_SWEEP_CASTER_SLABS, casters, slab_count);
