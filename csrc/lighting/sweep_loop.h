@@ -176,9 +176,9 @@ typedef struct deposit {
 static const float PAIR_COLUMNS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7},
                    PAIR_ROWS[16] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
 
-/* What a Gaussian falls to where it ends: no row goes on behind the box. */
+/* What a Gaussian falls to where it ends; behind the box none is as large as that. */
 static fum_vf find_edge(const patch *p, const footprint *f, const box *b, fum_vf columns) {
-  return fum_vf_select(columns < (float)b->columns, fum_vf_set(f->optical_depth * p->job->edge), fum_vf_set(INFINITY));
+  return fum_vf_select(columns < (float)b->columns, fum_vf_set(f->optical_depth * p->job->edge), fum_vf_set(NAN));
 }
 
 /* The plane is flat: that a caster's ray leans on it bends its outline by so little (in tangents) that it doesn't show.
@@ -200,7 +200,7 @@ static void find_flat_cells(const patch *p, const footprint *f, const box *b, fl
     fum_vf gauss = f->optical_depth * fum_vf_exp2(across * x * x + both * x * y + up * y * y);
     fum_vf growth = fum_vf_exp2(step * (both * x + up * (2.0F * y + step)));
     for (int32_t row = 0; row < b->rows; row += at_once) {
-      fum_vf_store(cells + row * width + column, fum_vf_select(gauss < edge, fum_vf_set(0.0F), gauss));
+      fum_vf_store(cells + row * width + column, fum_vf_select(gauss >= edge, gauss, fum_vf_set(0.0F)));
       gauss *= growth;
       growth *= fall;
     }
@@ -222,7 +222,7 @@ static void find_cells(const patch *p, const footprint *f, const box *b, float *
     }
     const fum_vf gauss = f->optical_depth * fum_vf_exp2(squared * -f->falloff);
     const fum_vf edge = find_edge(p, f, b, fum_vf_load(columns + k % b->width));
-    fum_vf_store(cells + k, fum_vf_select(gauss < edge, fum_vf_set(0.0F), gauss));
+    fum_vf_store(cells + k, fum_vf_select(gauss >= edge, gauss, fum_vf_set(0.0F)));
   }
 }
 
