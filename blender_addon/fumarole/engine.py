@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import traceback
 from collections.abc import Iterator
 
@@ -60,10 +61,15 @@ class FumaroleEngine(bpy.types.RenderEngine):
     def __init__(self, *arguments: object, **keywords: object) -> None:
         super().__init__(*arguments, **keywords)
         self._scene: Scene | None = None
+        self._deep_files: dict[str, list[str]] = {}  # that this frame has written, by view layer
 
     def update(self, data: bpy.types.BlendData | None = None, depsgraph: bpy.types.Depsgraph | None = None) -> None:
         """Exports the depsgraph, while Blender keeps it from changing."""
         self._scene = None
+        layer = depsgraph.view_layer_eval.name
+        if layer in self._deep_files:  # another frame: persistent data keeps engines
+            self._deep_files = {}
+        self._deep_files[layer] = []
         with self._reporting():
             self.update_stats("", "Reading the scene")
             self._scene = export_scene(depsgraph)
@@ -129,6 +135,7 @@ class FumaroleEngine(bpy.types.RenderEngine):
             if deep_path is not None:
                 with result.deep as in_depth:
                     deep.write(in_depth, deep_path, depsgraph.scene.render)
+                self._deep_files[layer_name].append(deep_path)
             pixels = dict(result)
         finally:
             self._hand_over(layer_name, view, size, pixels)
@@ -165,7 +172,8 @@ class FumaroleEngine(bpy.types.RenderEngine):
     def _reporting(self) -> Iterator[None]:
         """Turns exceptions into reports. Of cancelling Blender knows, unless an interrupt came as an exception."""
         try:
-            yield
+            with self._withdrawing():
+                yield
         except core.Cancelled:
             pass
         except core.FumaroleError as error:
@@ -175,6 +183,17 @@ class FumaroleEngine(bpy.types.RenderEngine):
         except Exception as error:
             traceback.print_exc()
             self.report({"ERROR"}, f"Fumarole: internal error, please report it: {type(error).__name__}: {error}")
+
+    @contextlib.contextmanager
+    def _withdrawing(self) -> Iterator[None]:
+        """Removes the deep files of a frame that fails, as Blender saves no picture of it."""
+        try:
+            yield
+        except BaseException:
+            for path in [path for paths in self._deep_files.values() for path in paths]:
+                with contextlib.suppress(OSError):
+                    os.remove(path)
+            raise
 
     def _progress(self, view: int, view_count: int) -> Progress:
         told = ""

@@ -43,7 +43,7 @@ class Blender:
         return [str(self.python), str(script), "--", *arguments]
 
     def render_command(self, blend: Path, *options: str) -> list[str]:
-        """The command that renders a file with Fumarole: options are `-f N`, or `-s N -e N -a`, as Blender has them."""
+        """The command that renders a file with Fumarole: options are `-f N`, or `-s N -e N -j N -a`, as Blender has them."""
         if self.is_program:
             start = ["blender", "--background", "--factory-startup", "--addons", "fumarole"]
             return [*start, str(blend), "-E", "FUMAROLE", *options]

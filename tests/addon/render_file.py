@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`blender -b FILE -E FUMAROLE [-f N | -s N -e N -a]` for a Blender that is a Python module: -- FILE [options].
+"""`blender -b FILE -E FUMAROLE [-f N | -s N -e N -j N -a]` for a Blender that is a Python module: -- FILE [options].
 
 Ends like Blender: exit code 1 when the engine reported an error.
 """
@@ -20,6 +20,7 @@ parser.add_argument("blend")
 parser.add_argument("-f", type=int)
 parser.add_argument("-s", type=int)
 parser.add_argument("-e", type=int)
+parser.add_argument("-j", type=int)
 parser.add_argument("-a", action="store_true")
 options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :])
 
@@ -34,6 +35,7 @@ try:
     if options.a:
         scene.frame_start = options.s if options.s is not None else scene.frame_start
         scene.frame_end = options.e if options.e is not None else scene.frame_end
+        scene.frame_step = options.j if options.j is not None else scene.frame_step
         bpy.ops.render.render(animation=True)
     else:
         scene.frame_set(options.f)

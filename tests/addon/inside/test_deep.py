@@ -192,3 +192,19 @@ def test_frames_are_numbered_as_blender_does(pattern: str, frame: int, expected:
     bpy.context.scene.render.filepath = f"/folder/{pattern}"
     bpy.context.scene.render.use_file_extension = False
     assert bpy.context.scene.render.frame_path(frame=frame) == f"/folder/{expected}"
+
+
+@pytest.mark.parametrize("persistent", [False, True])
+def test_a_frame_that_fails_leaves_no_file(folder: Path, persistent: bool) -> None:
+    """The second layer can't be written; then the first one has no file either, but for that of the frame before."""
+    scene = bpy.context.scene
+    scene.render.use_persistent_data = persistent
+    scene.view_layers.new("Second")
+    scenes.exr_output(folder / "flat_")
+    scene.frame_start, scene.frame_end = 1, 3
+    first = bpy.path.clean_name(scene.view_layers[0].name)
+    (folder / "deep" / "smoke_0002_Second.exr").mkdir(parents=True)
+    with pytest.raises(RuntimeError, match="smoke_0002_Second.exr.* can't be written"):
+        bpy.ops.render.render(animation=True)
+    assert files(folder) == ["deep/smoke_0001_Second.exr", f"deep/smoke_0001_{first}.exr"]
+    assert [path.name for path in folder.glob("flat_*")] == ["flat_0001.exr"]

@@ -175,6 +175,30 @@ def test_animated_camera(smoke: bpy.types.Object, tmp_path: Path) -> None:
     assert all(np.array_equal(pictures[True, frame], pictures[False, frame]) for frame in (1, 2))
 
 
+@pytest.mark.parametrize("moves", [False, True])
+def test_an_animation_builds_again_only_where_particles_move(moves: bool, tmp_path: Path) -> None:
+    """A particle system, seen by a camera that moves."""
+    scene = bpy.context.scene
+    scene.render.use_persistent_data = True
+    owner = scenes.emitter(normal_factor=1.0 if moves else 0.0)
+    owner.data.materials.append(scenes.material("Smoke", Density=6.0))
+    scenes.light("POINT", energy=2000, location=(0, -3, 4))
+    camera = scenes.camera()
+    for frame in (1, 4):
+        camera.location.x = 0.2 * frame
+        camera.keyframe_insert("location", frame=frame)
+    scene.frame_start, scene.frame_end = 1, 4
+    scenes.bake()
+    scenes.exr_output(tmp_path / "f_")
+    built: list[bool] = []
+    bpy.app.handlers.render_post.append(lambda *_: built.append(engine.last_stats().build_s > 0))
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.render_post.pop()
+    assert built == [True, moves, moves, moves]
+
+
 def test_settings_count(smoke: bpy.types.Object, tmp_path: Path) -> None:
     """What is built with settings of its own follows them."""
     render(tmp_path)
