@@ -36,6 +36,10 @@ class Progress:
         """What follows is from `start` on a `share` of the whole, and is called `label` if it is one of many."""
         self._start, self._share, self._label = start, share, label
 
+    def hold(self) -> None:
+        """What follows counts nothing."""
+        self._start, self._share = self._start + self._share, 0.0
+
     def check(self) -> None:
         """Raises core.Cancelled if the user has cancelled."""
         if self._tell(self._start, self._label):
@@ -67,6 +71,7 @@ class Picture:
         if not exposure.is_blurred:
             whole = core.BlurSample()
             return self._draw(whole, [item.name for item in self.passes], self.has_deep), exposure
+        self.progress.part(0.0, 0.0)
         names = {item.name: item.item.name for item in self.passes}
         result = core.average(self._draw, names, exposure.shutter, self.blur_samples or self._needed_samples())
         if self.has_deep:
@@ -113,10 +118,12 @@ class Picture:
 
     def _begin(self, sample: core.BlurSample) -> None:
         """Tells which sample comes. Raises core.Cancelled."""
-        look = _LOOK if self._exposure.is_blurred and self.blur_samples == 0 else 0.0
-        share = (1.0 - look) / max(sample.count, 1)
-        label = f"Blur sample {sample.index + 1} of {sample.count}" if sample.count > 1 else ""
-        if sample.count > 0:
+        if sample.count == 0:
+            self.progress.hold()
+        else:
+            look = _LOOK if self._exposure.is_blurred and self.blur_samples == 0 else 0.0
+            share = (1.0 - look) / sample.count
+            label = f"Blur sample {sample.index + 1} of {sample.count}" if sample.count > 1 else ""
             self.progress.part(look + share * sample.index, share, label)
         self.progress.check()
 

@@ -144,7 +144,8 @@ def test_a_moving_puff_spreads_along_its_way() -> None:
         times.append(time)
         return puff((1.2 * time, 0, 0), velocity=(1.2, 0, 0)), camera().blurred((-0.25, 0.75))
 
-    sharp = core.render(*at(0.25), passes=["Combined"])["Combined"][..., 0]
+    scene, view = at(0.25)
+    sharp = core.render(scene, view.blurred(), passes=["Combined"])["Combined"][..., 0]
     times.clear()
     result = core.render_blurred(at, None, ["Combined", "Depth"], 16)
     assert times == pytest.approx([0.0, *(-0.25 + (np.arange(16) + 0.5) / 16)])
@@ -205,9 +206,7 @@ def fake(pixels: np.ndarray, **stats: object) -> core.Result:
     ("shutter", "count", "expected"),
     [((0, 0.5), 1, 1), ((0, 0.5), 7, 7), ((0, 1.5), 1, 2), ((-4, 4), 1, 4), ((-4, 4), 3, 4), ((-4, 4), 5, 5)],
 )
-def test_parts_of_a_long_shutter_are_short_enough(
-    shutter: tuple[float, float], count: int, expected: int
-) -> None:
+def test_parts_of_a_long_shutter_are_short_enough(shutter: tuple[float, float], count: int, expected: int) -> None:
     drawn: list[core.BlurSample] = []
 
     def draw(sample: core.BlurSample, _wanted: list) -> core.Result:
@@ -287,7 +286,12 @@ def _mattes(at: object, sample: core.BlurSample, pairs: list) -> list[np.ndarray
 
 @pytest.mark.parametrize(
     ("samples", "shutter", "message"),
-    [(-1, (0, 0), "-1 samples"), (257, (0, 0), "257 samples"), (4, (1, 0), "shutter from 1 to 0")],
+    [
+        (-1, (0, 0), "-1 samples"),
+        (257, (0, 0), "257 samples"),
+        (4, (1, 0), "shutter from 1 to 0"),
+        (4, (0, 600), "to 600 frames takes 300 samples"),
+    ],
 )
 def test_wrong_values_are_named(samples: int, shutter: tuple[float, float], message: str) -> None:
     with pytest.raises(core.FumaroleError, match=message):

@@ -173,8 +173,12 @@ def average(draw: Draw, passes: Mapping[Hashable, str], shutter: tuple[float, fl
         raise argument_error(f"blur: {count} samples, expected 1..{MOST_SAMPLES}")
     if not (math.isfinite(shutter[0]) and math.isfinite(shutter[1]) and shutter[0] <= shutter[1]):
         raise argument_error(f"blur: a shutter from {shutter[0]:g} to {shutter[1]:g} frames")
-    if _reach(shutter) > 1.0:
+    if max(-shutter[0], shutter[1]) > 1.0:
         count = max(count, 2, math.ceil((shutter[1] - shutter[0]) / 2.0))
+    if count > MOST_SAMPLES:
+        raise argument_error(
+            f"blur: a shutter from {shutter[0]:g} to {shutter[1]:g} frames takes {count} samples, more than {MOST_SAMPLES}"
+        )
     if count == 1:
         return draw(BlurSample(), list(passes))
     steady = [key for key, name in passes.items() if name in _STEADY]
@@ -221,10 +225,6 @@ def render_blurred(
 
     names = {wanted: wanted if isinstance(wanted, str) else wanted[0] for wanted in passes}
     return average(draw, names, shutter, samples or needed_samples(*found[0.0], settings))
-
-
-def _reach(shutter: tuple[float, float]) -> float:
-    return max(-shutter[0], shutter[1])
 
 
 class _Mean:
