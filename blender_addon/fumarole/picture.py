@@ -16,6 +16,10 @@ from .shots import CoreScenes, Exposure, Timeline
 _LOOK = 0.1
 
 
+# Passes that can't be drawn with smears.
+_WITHOUT_SMEARS = {"Error", "Solid Shadow", "Light Solid Shadow"}
+
+
 class Progress:
     """What core calls during long work; part of a larger whole. tell(fraction, text) returns True to cancel."""
 
@@ -73,18 +77,29 @@ class Picture:
             return self._draw(whole, [item.name for item in self.passes], self.has_deep), exposure
         self.progress.part(0.0, 0.0)
         names = {item.name: item.item.name for item in self.passes}
-        result = core.average(self._draw, names, exposure.shutter, self.blur_samples or self._needed_samples())
+        count, are_sharp = self._plan_samples()
+        result = core.average(self._draw, names, exposure.shutter, count, are_sharp)
         if self.has_deep:
             result.deep = self._draw(core.BlurSample(count=0), [], True).deep
         return result, exposure
 
-    def _needed_samples(self) -> int:
+    def _plan_samples(self) -> tuple[int, bool]:
+        """How many blur samples, and whether they are sharp."""
+        exposure = self._exposure
+        if self.blur_samples:
+            return self.blur_samples, self.blur_samples >= max(2, exposure.sharp_samples)
         self.progress.part(0.0, _LOOK)
         self.progress.check()
         core_scene, _warnings = self._core_scene(0.0)
         camera = self._camera(core.BlurSample(), False)
-        needed = core.needed_samples(core_scene, camera, self.settings)
-        return max(needed, self._exposure.least_samples)
+        if self._needs_sharp() or not core.smears_are_lit(core_scene, camera, self.settings):
+            return max(2, exposure.sharp_samples, exposure.least_samples), True
+        return max(core.needed_samples(core_scene, camera, self.settings), exposure.least_samples), False
+
+    def _needs_sharp(self) -> bool:
+        """Whether something is to be drawn that smears don't have: maps, and light at each pixel by itself."""
+        has_maps = any(item.volume.map is not None for item in self.timeline.scene(0.0).particles)
+        return has_maps or any(item.item.name in _WITHOUT_SMEARS for item in self.passes)
 
     def _core_scene(self, time: float) -> tuple[core.Scene, list[str]]:
         core_scene, warnings = self.core_scenes.of(self.timeline.scene(time))

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import core
 from .export.camera import export_camera
-from .export.motion import Chords, Moment, camera_moves, chords, fill_velocities, is_still, least_samples
+from .export.motion import Chords, Moment, camera_moves, chords, fill_velocities, is_still, least_samples, sharp_samples
 from .export.scene import Scene, build, export_scene
 from .kept import Keeper
 
@@ -24,13 +24,14 @@ class Exposure:
     """What is blurred in a picture.
 
     shutter: as of core.Camera, (0, 0) also if nothing moves meanwhile. least_samples: that it takes to show what can't
-    be blurred in one pass.
+    be blurred in one pass. sharp_samples: that it takes to show smoke without smears.
     """
 
     shutter: tuple[float, float]
     has_aperture: bool
     camera_moves: bool = False
     least_samples: int = 1
+    sharp_samples: int = 1
 
     @property
     def has_shutter(self) -> bool:
@@ -99,7 +100,9 @@ class Timeline:
             self._chords = chords(shutter)
             fill_velocities(now.scene, self._chords)
             exposure.camera_moves = camera_moves([now, *shutter])
-        exposure.least_samples = least_samples(now, shutter) if exposure.is_blurred else 1
+        if exposure.is_blurred:
+            exposure.least_samples = least_samples(now, shutter)
+            exposure.sharp_samples = sharp_samples(now, shutter)
         return exposure
 
     def _go(self, time: float) -> None:

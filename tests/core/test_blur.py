@@ -306,3 +306,43 @@ def test_an_error_in_a_sample_arrives() -> None:
 
     with pytest.raises(ValueError, match="no such time"):
         core.render_blurred(at, None, ["Combined"], 4)
+
+
+@pytest.mark.parametrize("blades", [0, 5])
+def test_sharp_samples_spread_as_the_aperture_does(blades: int) -> None:
+    view = camera(type="ORTHOGRAPHIC", ortho_scale=6.0).blurred((-0.5, 0.5), core.Aperture(0.01, 3.0, blades))
+    samples = blur.blur_samples(view.shutter, 24, True)
+    parts = [sample.camera(view) for sample in samples]
+    assert all(part.shutter == (0, 0) and part.aperture.radius == 0 for part in parts)
+    places = np.array([part.matrix[:2, 3] for part in parts])
+    variance = 0.01**2 * (0.25 if blades == 0 else (2 + math.cos(2 * math.pi / blades)) / 12)
+    assert places.T @ places / 24 == pytest.approx(variance * np.eye(2), abs=1e-9)
+
+
+@pytest.mark.parametrize("density", [8.0])
+@pytest.mark.parametrize("blur_of", ["motion", "lens"])
+def test_as_many_as_it_takes_are_right(density: float, blur_of: str) -> None:
+    """Few, dense particles too, which one pass would light wrongly."""
+    random = np.random.default_rng(3)
+    places = random.normal(0, 0.4, (60, 3))
+    speeds = np.stack((-places[:, 1], places[:, 0], np.zeros(60)), -1) + (0.6, 0, 0)
+    view = camera(width=40, height=40)
+    view = view.blurred((-0.25, 0.25)) if blur_of == "motion" else view.blurred(aperture=core.Aperture(0.4, 4.8))
+
+    def at(time: float) -> tuple[core.Scene, core.Camera]:
+        scene = core.Scene()
+        scene.add_particles(places + time * speeds, radius=0.3, density=density, velocity=speeds)
+        scene.add_light("SUN", [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], 3.0)
+        return scene, view
+
+    expected = np.mean(
+        [
+            core.render(at(sample.time)[0], sample.camera(view), passes=["Combined"])["Combined"].astype(float)
+            for sample in blur.blur_samples(view.shutter, 48, True)
+        ],
+        axis=0,
+    )
+    found = core.render_blurred(at, None, ["Combined"])["Combined"]
+    assert np.sqrt(((found - expected) ** 2).mean() / (expected**2).mean()) < 0.015
+    sharp = core.render(at(0)[0], view.blurred(), passes=["Combined"])["Combined"]
+    assert np.sqrt(((sharp - expected) ** 2).mean() / (expected**2).mean()) > 0.015

@@ -49,7 +49,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import _library
-from .blur import MOST_SAMPLES, BlurSample, average, needed_samples, render_blurred
+from .blur import MOST_SAMPLES, BlurSample, average, needed_samples, render_blurred, smears_are_lit
 from .camera import Aperture, Camera
 from .context import Context
 from .deep import Deep
@@ -90,6 +90,7 @@ __all__ = [
     "render",
     "render_blurred",
     "render_reference",
+    "smears_are_lit",
     "transmittance",
     "version",
     "write_exr",

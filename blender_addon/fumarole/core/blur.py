@@ -23,6 +23,12 @@ MOST_SAMPLES = 256
 # Passes of which a mean says nothing: they are those of the picture's own time, without blur.
 _STEADY = {"Depth", "Depth Front", "Depth Back", "Position", "Vector"}
 
+# Pixels a side of the pictures that tell whether smears are lit well.
+_SMALL = 64
+
+# Samples where smears are not, and nothing says how far things move.
+_SHARP_SAMPLES = 32
+
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -31,12 +37,13 @@ class BlurSample:
     """A render to be averaged: number `index` of `count`, `time` frames from the picture's own.
 
     1 of 1 is all of the shutter, as far as it is within a frame from now, and of the aperture, which the library draws
-    in one pass. count 0: no blur.
+    in one pass. count 0: no blur. is_sharp: of several, the instant and the point of the lens alone, without smears.
     """
 
     time: float = 0.0
     index: int = 0
     count: int = 1
+    is_sharp: bool = False
 
     def camera(self, camera: Camera) -> Camera:
         """Of the camera at `time`, which has the picture's shutter and aperture, the sample's share of both."""
@@ -48,17 +55,20 @@ class BlurSample:
         half = (camera.shutter[1] - camera.shutter[0]) / (2 * self.count)
         aperture = camera.aperture
         if aperture.radius == 0.0:
-            return camera.blurred((-half, half), aperture)
+            return camera.blurred() if self.is_sharp else camera.blurred((-half, half), aperture)
         offset = aperture_cells(aperture, self.count)[self.index]
+        if self.is_sharp:
+            # Points must spread as far as cells do with what each spreads by itself.
+            return _through(camera, offset / math.sqrt(1.0 - 1.0 / self.count), aperture.focus).blurred()
         radius = 2.0 * math.sqrt(_spread(aperture.blades) / self.count) * aperture.radius
         cell = Aperture(radius, aperture.focus, ratio=aperture.ratio)
         return _through(camera, offset, aperture.focus).blurred((-half, half), cell)
 
 
-def blur_samples(shutter: tuple[float, float], count: int) -> list[BlurSample]:
+def blur_samples(shutter: tuple[float, float], count: int, are_sharp: bool = False) -> list[BlurSample]:
     """`count` samples, each in the middle of its part of the shutter; shutter in frames from now."""
-    length = shutter[1] - shutter[0]
-    return [BlurSample(shutter[0] + length * (index + 0.5) / count, index, count) for index in range(count)]
+    step = (shutter[1] - shutter[0]) / count
+    return [BlurSample(shutter[0] + step * (index + 0.5), index, count, are_sharp) for index in range(count)]
 
 
 def aperture_cells(aperture: Aperture, count: int) -> NDArray[np.float64]:
@@ -160,8 +170,10 @@ Draw = Callable[[BlurSample, Sequence[Hashable]], Result]
 """Renders a sample: the passes of those keys."""
 
 
-def average(draw: Draw, passes: Mapping[Hashable, str], shutter: tuple[float, float], count: int) -> Result:
-    """The mean of blur samples; result.samples says of how many.
+def average(
+    draw: Draw, passes: Mapping[Hashable, str], shutter: tuple[float, float], count: int, are_sharp: bool = False
+) -> Result:
+    """The mean of blur samples, sharp ones or such as join; result.samples says of how many.
 
     passes: the name in core.PASSES of each key. shutter: frames from now. count: 1..256; 1 is one pass. A shutter that
     reaches beyond a frame from now takes at least as many as make its parts short enough.
@@ -185,7 +197,7 @@ def average(draw: Draw, passes: Mapping[Hashable, str], shutter: tuple[float, fl
     first = draw(BlurSample(count=0), steady) if steady else None
     blurred = [key for key, name in passes.items() if name not in _STEADY]
     mean = _Mean(passes)
-    for sample in blur_samples(shutter, count):
+    for sample in blur_samples(shutter, count, are_sharp):
         mean.add(draw(sample, blurred))
     return mean.result(first)
 
@@ -199,6 +211,27 @@ def needed_samples(scene: Scene, camera: Camera, settings: Settings | None = Non
     return min(math.ceil(samples * length / measured) if measured > 0.0 else samples, MOST_SAMPLES)
 
 
+def smears_are_lit(scene: Scene, camera: Camera, settings: Settings | None = None) -> bool:
+    """Whether smeared smoke is as bright as sharp smoke within the tolerance. The camera knows how it moves.
+
+    Where it is smeared, each particle is lit at its centre, which makes few or dense ones too dark. Both are drawn
+    small; light that reaches the camera is compared with the opacity that it comes from.
+    """
+    settings = settings or Settings()
+    share = min(1.0, _SMALL / max(camera.width, camera.height))
+    size = (max(1, round(camera.width * share)), max(1, round(camera.height * share)))
+    small = BlurSample().camera(camera).resized(*size)
+    plain = dataclasses.replace(settings, solids="HOLDOUT")
+    smeared, sharp = (
+        render(scene, view, plain, ["Combined"])["Combined"].sum((0, 1), dtype=np.float64)
+        for view in (small, small.blurred())
+    )
+    if not (sharp[3] > 0.0 and smeared[3] > 0.0):
+        return True
+    off = np.abs(smeared[:3] / smeared[3] - sharp[:3] / sharp[3]).max()
+    return bool(off <= settings.tolerance * (sharp[:3] / sharp[3]).max())
+
+
 def render_blurred(
     at: Callable[[float], tuple[Scene, Camera]],
     settings: Settings | None = None,
@@ -210,7 +243,8 @@ def render_blurred(
     at(time): the scene and the camera `time` frames from now, for the next render; camera.blurred(shutter, aperture)
     says what is to be averaged over, the shutter as it is now. What moves moves by what `at` gives, and within each
     sample by the particles' velocities and camera.moving().
-    samples: 1..256; 0: as many as the tolerance asks for by those velocities.
+    samples: 1..256; 0: as many as the tolerance asks for by those velocities, or 32 sharp ones where smears would be
+    lit wrongly.
     """
     found = {0.0: at(0.0)}
     shutter = found[0.0][1].shutter
@@ -224,7 +258,9 @@ def render_blurred(
         return render(scene, sample.camera(camera), settings, wanted)
 
     names = {wanted: wanted if isinstance(wanted, str) else wanted[0] for wanted in passes}
-    return average(draw, names, shutter, samples or needed_samples(*found[0.0], settings))
+    are_sharp = samples == 0 and not smears_are_lit(*found[0.0], settings)
+    count = samples or (_SHARP_SAMPLES if are_sharp else needed_samples(*found[0.0], settings))
+    return average(draw, names, shutter, count, are_sharp)
 
 
 class _Mean:

@@ -127,6 +127,11 @@ class Camera:
         motion = None if self.motion is None else tuple(other.crop(x0, y0, x1, y1) for other in self.motion)
         return self._with(window=window, width=x1 - x0, height=y1 - y0, motion=motion)
 
+    def resized(self, width: int, height: int) -> Camera:
+        """The same picture in so many pixels."""
+        motion = None if self.motion is None else tuple(other.resized(width, height) for other in self.motion)
+        return self._with(width=width, height=height, motion=motion)
+
     def blurred(self, shutter: tuple[float, float] = (0.0, 0.0), aperture: Aperture = Aperture()) -> Camera:
         """The same camera with its shutter open for a while, in frames from now, and with an aperture."""
         return self._with(shutter=tuple(map(float, shutter)), aperture=aperture)
