@@ -123,7 +123,7 @@ def test_moving_camera_is_seen_through_the_lens_too() -> None:
 @pytest.mark.parametrize("samples", [16, 64])
 def test_thin_smoke_spreads_by_the_circle_of_confusion(samples: int) -> None:
     """The sum stays, the variance grows by that of the aperture's image."""
-    aperture = core.Aperture(0.25, focus=4.0, blades=5, ratio=1.5, rotation=0.3)
+    aperture = core.Aperture(0.5, focus=4.0, blades=5, ratio=1.5, rotation=0.3)
     scene, view = puff(), camera()
     sharp = core.render(scene, view, passes=["Combined"])["Combined"][..., 0]
     result = core.render_blurred(lambda time: (scene, view.blurred(aperture=aperture)), None, ["Combined"], samples)
@@ -132,7 +132,7 @@ def test_thin_smoke_spreads_by_the_circle_of_confusion(samples: int) -> None:
     blurred_total, blurred_place, blurred_spread = moments(result["Combined"][..., 0])
     assert blurred_total == pytest.approx(total, rel=0.005)
     assert blurred_place == pytest.approx(place, abs=0.02)
-    scale = SIZE / 36 * 50 * (1 / 4 - 1 / 6) * 0.25
+    scale = SIZE / 36 * 50 * (1 / 4 - 1 / 6) * 0.5
     expected = scale**2 * (2 + math.cos(0.4 * math.pi)) / 12 * np.diag((1 / 1.5**2, 1))
     assert np.abs(blurred_spread - spread - expected).max() < 0.08 * expected.max()
 
