@@ -338,6 +338,22 @@ def test_passes(scene: bpy.types.Scene, tmp_path: Path) -> None:
     assert np.abs(coverage - combined[..., 3]).max() < 3e-3
 
 
+def test_passes_that_smears_do_not_have(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """Samples without smears have them."""
+    owner = puff(density=0.02)
+    move(owner, 0, f"2.0 * (frame - {FRAME})")
+    scenes.plane("Roof", 1.0, location=(0, 0, 3)).visible_camera = False
+    layer = bpy.context.view_layer
+    open_shutter(0.5)
+    layer.fumarole.use_pass_error = layer.fumarole.use_pass_solid_shadow = True
+    channels = scenes.render_channels(tmp_path)
+    assert samples_of(tmp_path) >= 3
+    shadow = stack(channels, f"{layer.name}.Solid Shadow", "RGB")
+    assert shadow.min() >= 0 and shadow.min() < 0.9 and shadow.max() <= 1
+    (error,) = [values for name, values in channels.items() if name.startswith(f"{layer.name}.Error.")]
+    assert np.isfinite(error.astype(float)).all() and np.abs(error).max() < 0.05
+
+
 def test_deep_files_are_without_blur(scene: bpy.types.Scene, tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
     owner = puff()
     move(owner, 0, f"2.0 * (frame - {FRAME})")
