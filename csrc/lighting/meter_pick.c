@@ -5,7 +5,6 @@
 #include "base/radix.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 /* Inverted: subsampling hangs on the hash of the identity itself. */
 static uint64_t key_of(const fum_particles *set, int64_t i) {
@@ -45,7 +44,7 @@ static int64_t mark_evenly(int64_t particle_count, int64_t wanted, uint64_t *wor
   return wanted;
 }
 
-/* Those that are marked and in the octree; in its order, which `keys` are still without. */
+/* Those that are marked and in the octree, in its order. */
 static int64_t collect(const fum_octree *octree, const uint64_t *words, uint32_t *ranks) {
   int64_t count = 0;
   for (int64_t rank = 0; rank < octree->count; rank++) {

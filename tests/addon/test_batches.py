@@ -89,7 +89,7 @@ def test_unbaked_smoke_is_named_once(blender: Blender, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("frames", "words", "bound_mib"), [(200, [], 4), (120, ["persistent", "deep"], 8), (120, ["opengl"], 12)]
+    ("frames", "words", "bound_mib"), [(200, [], 4), (80, ["persistent", "deep"], 8), (120, ["opengl"], 12)]
 )
 def test_memory_is_steady(blender: Blender, tmp_path: Path, frames: int, words: list[str], bound_mib: float) -> None:
     """The least resident memory of the last quarter over that of a quarter near the start. A picture that is lost in each
