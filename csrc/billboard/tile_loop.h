@@ -162,6 +162,7 @@ static bool make_room(tile *t, const uint32_t *indices, int64_t count, fum_tile_
   int32_t low = INT32_MAX, high = -1;
   for (int64_t n = 0; n < count; n++) {
     const fum_splat *s = &t->job->splats->splats[indices[n]];
+    if (n + AHEAD < count) __builtin_prefetch(&t->job->splats->splats[indices[n + AHEAD]].first_slab);
     low = s->first_slab < low ? s->first_slab : low;
     high = s->last_slab > high ? s->last_slab : high;
   }

@@ -231,6 +231,9 @@ static void splat_mapped(const tile *t, const fum_splat *s, const patch *p, cons
   }
 }
 
+/* Splats are fetched from memory so many before they are needed. */
+enum { AHEAD = 8 };
+
 static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
   const float far_away =
       30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
@@ -240,6 +243,7 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
   patch p;
   for (int64_t n = 0; n < count; n++) {
     const fum_splat *s = &t->job->splats->splats[indices[n]];
+    if (n + AHEAD < count) __builtin_prefetch(&t->job->splats->splats[indices[n + AHEAD]]);
     find_look(t->job, indices[n], s->self_shade, look);
     find_patch(t, s, &p);
     const float reach = 1.125F * s->reach;
