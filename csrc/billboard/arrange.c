@@ -124,8 +124,11 @@ static int32_t list_maps(const fum_scene *scene, int64_t *begins, fum_billboard_
   int64_t rows = 0;
   for (int32_t s = 0; s < scene->particles_count; s++) {
     const fum_map *map = scene->particles[s].map;
-    begins[s] = rows * FUM_MAP_ROW;
-    if (map == NULL) continue;
+    int32_t first = 0; /* set that has it */
+    while (scene->particles[first].map != map)
+      first++;
+    begins[s] = first < s ? begins[first] : rows * FUM_MAP_ROW;
+    if (map == NULL || first < s) continue;
     out->maps[out->count++] = map;
     rows += fum_billboard_rows(map);
   }

@@ -4,6 +4,7 @@
 #include "base/vector.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { MAX_SIDE = 16384 };
 
@@ -176,7 +177,7 @@ int32_t fum_map_create(fum_context *context, const char *name, int32_t width, in
   if (status != FUM_OK) return status;
   map = calloc(1, sizeof *map);
   if (map == NULL) return fum_fail(context, FUM_ERROR_MEMORY, "%s: no memory for a map", name);
-  *map = (fum_map){.width = width, .height = height};
+  *map = (fum_map){.user_count = 1, .width = width, .height = height};
   for (level l = {width, height, NULL};; l = (level){fum_map_half(l.width), fum_map_half(l.height), NULL}) {
     map->texel_count += (int64_t)l.width * l.height;
     map->level_count++;
@@ -192,13 +193,19 @@ int32_t fum_map_create(fum_context *context, const char *name, int32_t width, in
   map = NULL;
 done:
   fum_free(context, &weights);
-  fum_map_free(context, &map);
+  fum_map_drop(context, &map);
   return status;
 }
 
-void fum_map_free(fum_context *context, fum_map **map) {
-  if (*map == NULL) return;
-  fum_free(context, &(*map)->texels);
-  free(*map);
+bool fum_map_is_like(const fum_map *a, const fum_map *b) {
+  const size_t bytes = 4 * sizeof *a->texels * (size_t)a->texel_count;
+  return a->width == b->width && a->height == b->height && memcmp(a->texels, b->texels, bytes) == 0;
+}
+
+void fum_map_drop(fum_context *context, fum_map **map) {
+  if (*map != NULL && --(*map)->user_count == 0) {
+    fum_free(context, &(*map)->texels);
+    free(*map);
+  }
   *map = NULL;
 }

@@ -10,6 +10,7 @@
 #include "base/context.h"
 
 typedef struct fum_map {
+  int32_t user_count;                 /* sets that have it */
   int32_t width, height, level_count; /* of the first level; each level is half as wide and high as the one before */
   bool is_colored;                    /* anything but white */
   float edge;          /* largest factor on the optical depth beyond two sigmas: the border's; at least 1 */
@@ -19,11 +20,13 @@ typedef struct fum_map {
                     that is scattered and emitted, and on the optical depth. The last level is one texel */
 } fum_map;
 
-/* `pixels` [height][width][4] straight RGBA, 0..1. `name` for messages. Freed by fum_map_free. */
+/* `pixels` [height][width][4] straight RGBA, 0..1. `name` for messages. Has one user; given back by fum_map_drop. */
 int32_t fum_map_create(fum_context *context, const char *name, int32_t width, int32_t height, const float *pixels,
                        fum_map **out_map);
-/* `*map` may be NULL, and is afterwards. */
-void fum_map_free(fum_context *context, fum_map **map);
+bool fum_map_is_like(const fum_map *a, const fum_map *b);
+
+/* Frees the map with its last user. `*map` may be NULL, and is afterwards. */
+void fum_map_drop(fum_context *context, fum_map **map);
 
 /* Half of a side of a level. */
 static inline int32_t fum_map_half(int32_t side) {

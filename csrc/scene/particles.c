@@ -167,7 +167,7 @@ static void free_particles(fum_context *context, fum_particles *set) {
   fum_free(context, &set->emissions);
   fum_free(context, &set->velocities);
   fum_free(context, &set->ids);
-  fum_map_free(context, &set->map);
+  fum_map_drop(context, &set->map);
 }
 
 void fum_scene_free_particles(fum_scene *scene) {
@@ -232,6 +232,18 @@ static uint64_t find_seed(const fum_scene *scene, const char *name, bool has_ids
   return fum_hash_text(name);
 }
 
+/* Instances of one object bring its map again and again: of those alike the scene keeps one. */
+static void share_map(const fum_scene *scene, fum_particles *set) {
+  for (int32_t s = 0; s < scene->particles_count && set->map != NULL; s++) {
+    fum_map *known = scene->particles[s].map;
+    if (known == NULL || known == set->map || !fum_map_is_like(known, set->map)) continue;
+    fum_map_drop(scene->context, &set->map);
+    known->user_count++;
+    set->map = known;
+    return;
+  }
+}
+
 int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc) {
   fum_context *context = scene->context;
   if (desc == NULL || desc->struct_size < sizeof *desc) {
@@ -268,6 +280,7 @@ int32_t fum_scene_add_particles(fum_scene *scene, const fum_particles_desc *desc
   if (status == FUM_OK && desc->map != NULL)
     status = fum_map_create(context, name, desc->map_width, desc->map_height, desc->map, &set.map);
   if (status != FUM_OK) goto done;
+  share_map(scene, &set);
   set.name = fum_copy_string(name);
   set.matte_name = fum_copy_string(desc->matte_name != NULL ? desc->matte_name : name);
   fum_particles *grown = realloc(scene->particles, (size_t)(scene->particles_count + 1) * sizeof *grown);

@@ -195,11 +195,11 @@ def test_turns_hang_on_ids_alone(device: str) -> None:
     assert error(core.render(scene, camera(48), core.Settings(device=device))["Combined"], pictures[0]) > 0.1
 
 
-def test_two_sets_with_maps_of_different_sizes() -> None:
+def test_sets_with_different_maps() -> None:
     """Each particle gets its own set's map, on both devices alike, though they are drawn through one another."""
     rng = np.random.default_rng(6)
     scene = core.Scene()
-    for image, name in ((wisp(100, 1), "A"), (None, "B"), (wisp(37, 7)[:, :20], "C")):
+    for image, name in ((wisp(100, 1), "A"), (None, "B"), (wisp(37, 7)[:, :20], "C"), (wisp(100, 1), "D")):
         scene.add_particles(rng.uniform(-1.5, 1.5, (15, 3)), radius=0.6, density=2.0, name=name, map=image)
     passes = ("Combined", "Albedo")
     tiles, gl = (core.render(scene, camera(128), core.Settings(device=device), passes) for device in DEVICES)

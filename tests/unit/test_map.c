@@ -64,7 +64,7 @@ static void test_every_level_has_the_same_means(void **state) {
     }
     assert_int_equal(k + 1, map->level_count);
     assert_int_equal((level - map->texels) / 4, map->texel_count);
-    fum_map_free(s.context, &map);
+    fum_map_drop(s.context, &map);
     free(pixels);
   }
   stage_close(&s);
@@ -96,7 +96,7 @@ static void test_levels_average_areas(void **state) {
     }
     assert_true(factor > 1.0 && factor < 3.0); /* over the mean opacity, about a half */
   }
-  fum_map_free(s.context, &map);
+  fum_map_drop(s.context, &map);
   free(pixels);
   stage_close(&s);
 }
@@ -112,7 +112,7 @@ static void test_constant_map_changes_nothing(void **state) {
     assert_true(fabsf(map->texels[i] - 1.0F) < 1e-6F);
   assert_false(map->is_colored);
   assert_true(fabsf(map->edge - 1.0F) < 1e-6F && fabsf(map->contrast - 1.0F) < 1e-6F);
-  fum_map_free(s.context, &map);
+  fum_map_drop(s.context, &map);
   stage_close(&s);
 }
 
@@ -129,7 +129,7 @@ static void test_half_a_map(void **state) {
   assert_true(fabsf(map->edge - 2.0F) < 1e-4F && fabsf(map->contrast - 2.0F) < 0.02F);
   const float *mean = map->texels + 4 * (map->texel_count - 1);
   assert_true(fabsf(mean[3] - 1.0F) < 1e-6F && fabsf(mean[1] - 0.5F) < 1e-6F);
-  fum_map_free(s.context, &map);
+  fum_map_drop(s.context, &map);
   stage_close(&s);
 }
 
@@ -153,6 +153,30 @@ static void test_bad_maps_are_refused(void **state) {
   pixels[4 * 3 + 1] = NAN;
   fum_map *map = NULL;
   assert_int_equal(fum_map_create(s.context, "Puff", 2, 2, pixels, &map), FUM_ERROR_ARGUMENT);
+  stage_close(&s);
+}
+
+/* Sets with the same pixels share a map, and give it back with the scene. */
+static void test_sets_share_a_map(void **state) {
+  (void)state;
+  stage s = stage_open();
+  float *pixels = make_pixels(8, 8, 1);
+  const float position[3] = {0.0F};
+  fum_particles_desc desc;
+  fum_particles_desc_init(&desc);
+  desc.count = 1;
+  desc.positions = position;
+  desc.map = pixels;
+  desc.map_width = desc.map_height = 8;
+  for (int k = 0; k < 3; k++) {
+    if (k == 2) pixels[7] *= 0.5F;
+    assert_int_equal(fum_scene_add_particles(s.scene, &desc), FUM_OK);
+  }
+  const fum_particles *sets = s.scene->particles;
+  assert_ptr_equal(sets[0].map, sets[1].map);
+  assert_int_equal(sets[0].map->user_count, 2);
+  assert_ptr_not_equal(sets[0].map, sets[2].map);
+  free(pixels);
   stage_close(&s);
 }
 
@@ -200,7 +224,7 @@ static void test_rays_meet_the_map_where_they_pass_the_particle(void **state) {
       assert_true(fabs(hypot(at[0], at[1]) - distance / sigma) < 1e-4 * distance / sigma);
     }
   }
-  fum_map_free(s.context, &map);
+  fum_map_drop(s.context, &map);
   free(pixels);
   stage_close(&s);
 }
@@ -228,7 +252,7 @@ static void test_levels_follow_the_size_of_pixels(void **state) {
   }
   assert_int_equal(look.width, 1);
   assert_int_equal(look.begin, map->texel_count - 1);
-  fum_map_free(s.context, &map);
+  fum_map_drop(s.context, &map);
   free(pixels);
   stage_close(&s);
 }
@@ -240,6 +264,7 @@ int main(void) {
       cmocka_unit_test(test_constant_map_changes_nothing),
       cmocka_unit_test(test_half_a_map),
       cmocka_unit_test(test_bad_maps_are_refused),
+      cmocka_unit_test(test_sets_share_a_map),
       cmocka_unit_test(test_rays_meet_the_map_where_they_pass_the_particle),
       cmocka_unit_test(test_levels_follow_the_size_of_pixels),
   };
