@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "api/attributes.h"
 #include "api/light_error.h"
+#include "api/particle_light.h"
 #include "api/solid_shadow.h"
 #include "billboard/tiles.h"
 #include "lighting/centres.h"
@@ -26,6 +27,7 @@ typedef struct plan {
   fum_rendering *r;
   fum_lighting *lighting;
   float footprint, thinnest;
+  const fum_smears *smears;
 } plan;
 
 /* Cuts the view into slabs and places samples, unlit. */
@@ -35,7 +37,7 @@ static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
   /* Steps' errors grow with the root of the extinction, and maps gather it. */
   const fum_map_traits traits = fum_scene_map_traits(r->scene);
   tolerance /= sqrtf(traits.contrast);
-  int32_t status = fum_slabs_find(r->context, all, &r->view, tolerance, p->thinnest, &out_light->slabs);
+  int32_t status = fum_slabs_find(r->context, all, &r->view, NULL, tolerance, p->thinnest, &out_light->slabs);
   out_light->slabs.has_holes = traits.has_maps;
   if (status != FUM_OK || out_light->slabs.count == 0) return status;
   return fum_lattice_place(r->context, all, &r->view, &out_light->slabs, p->footprint, tolerance, &out_light->lattice);
@@ -142,10 +144,34 @@ static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_s
   return status;
 }
 
+/* What is seen of a particle elsewhere than where it stands is lit as it is there: by the light at its own centre, not
+ * by that at the pixel. Closer than this to where it stands, in sigmas, these are as good as the same. */
+static const double BLUR_OF_LATTICE = 0.1;
+
+static bool is_blurred(const plan *p) {
+  return p->smears->items != NULL && p->smears->worst > BLUR_OF_LATTICE;
+}
+
+static int32_t light_blurred(const plan *p, smoke_light *light) {
+  fum_rendering *r = p->r;
+  const fum_octree *all = r->scene->caches->all;
+  if (asks_lattice(r)) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT,
+                    "with motion blur or depth of field passes of single lights, Emission, Solid Shadow and Error "
+                    "can't be drawn");
+  }
+  int32_t status =
+      fum_slabs_find(r->context, all, &r->view, p->smears, r->settings.tolerance, p->thinnest, &light->slabs);
+  if (status != FUM_OK || light->slabs.count == 0) return status;
+  status = fum_alloc(r->context, all->count, 3 * sizeof(float), "light of the particles", &light->centres);
+  return status == FUM_OK ? fum_light_particles(r, p->lighting, light->centres) : status;
+}
+
 /* Lights the smoke in view. */
 static int32_t light_smoke(const plan *p, smoke_light *light, fum_meter *meter) {
   fum_rendering *r = p->r;
   double share = 0.0;
+  if (is_blurred(p)) return light_blurred(p, light);
   int32_t status = place(p, r->settings.tolerance, light);
   if (status != FUM_OK || light->slabs.count == 0) return status;
   status = begin_meter(p, light, meter);
@@ -198,6 +224,24 @@ static int32_t draw_values(void *user, const float *values, bool are_colors, flo
   return fum_tiles_draw(shared->scene->context, &job);
 }
 
+/* What the shutter and the lens do to particles; nothing is found of a camera that has neither. */
+typedef struct blur {
+  fum_smears smears;
+  fum_bokeh bokeh;
+} blur;
+
+static int32_t find_blur(const fum_rendering *r, blur *out) {
+  if (!fum_camera_blurs(r->camera)) return FUM_OK;
+  int32_t status = fum_smears_find(r->scene, r->scene->caches->all, r->camera, &r->view, &out->smears);
+  if (status == FUM_OK && r->camera->aperture_radius > 0.0) status = fum_bokeh_find(r->context, r->camera, &out->bokeh);
+  return status;
+}
+
+static void blur_free(fum_context *context, blur *b) {
+  fum_smears_free(context, &b->smears);
+  fum_bokeh_free(context, &b->bokeh);
+}
+
 /* Passes that are drawn as Combined is. */
 static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const smoke_light *light,
                            fum_tile_job *job) {
@@ -217,11 +261,14 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_meter meter = {0};
   smoke_light light = {0};
   fum_splats splats = {0};
+  blur blurred = {0};
   fum_tile_job job = {.scene = r->scene,
                       .octree = all,
                       .view = &r->view,
                       .slabs = &light.slabs,
                       .splats = &splats,
+                      .smears = &blurred.smears,
+                      .bokeh = &blurred.bokeh,
                       .lattice = &light.lattice,
                       .solids = r->scene->caches->solids,
                       .solid_shadow_intensity = r->settings.solid_shadow_intensity,
@@ -241,7 +288,8 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   lighting.gathering.viewpoint = &viewpoint;
-  const plan p = {r, &lighting, footprint, job.thinnest};
+  if (status == FUM_OK) status = find_blur(r, &blurred);
+  const plan p = {r, &lighting, footprint, job.thinnest, &blurred.smears};
   if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
   if (status != FUM_OK || light.slabs.count == 0) goto done;
   job.lamps = &lighting.lamps;
@@ -253,7 +301,11 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   r->stats.light_s = fum_now_s() - start_s - meter.seconds;
   start_s = fum_now_s();
   const fum_footprints footprints = drawn_footprints(r, &light.slabs);
-  status = fum_splats_find(r->context, all, &r->view, &light.slabs, &footprints, job.thinnest, &splats);
+  const fum_splats_options drawn = {.smears = blurred.smears.items != NULL ? &blurred.smears : NULL,
+                                    .footprints = footprints,
+                                    .thinnest = job.thinnest,
+                                    .least_blur = sqrtf(0.1F * r->settings.tolerance)};
+  status = fum_splats_find(r->context, all, &r->view, &light.slabs, &drawn, &splats);
   if (status != FUM_OK) goto done;
   fum_tiles_shade_dust(r->context, &job, &splats);
   r->stats.drawn_count = splats.seen_count;
@@ -267,6 +319,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
 done:
   fum_free(r->context, &job.class_of);
   fum_splats_free(r->context, &splats);
+  blur_free(r->context, &blurred);
   smoke_light_free(r->context, &light);
   fum_meter_end(&meter);
   fum_lighting_end(r->context, &lighting);

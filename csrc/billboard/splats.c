@@ -7,23 +7,8 @@
 /* Reach along the view over the footprint's sigmas: what lies beyond isn't lost, it is taken to be at the ends. */
 static const double ALONG_SHARE = 0.72;
 
-/* Slopes between which a disc is seen from the origin; empty when it isn't in front. Tangents are kept as directions,
- * so that a disc across the camera's plane needs no division. */
-static void find_slopes(double lateral, double depth, double radius, double out[2]) {
-  const double squared = lateral * lateral + (depth - radius) * (depth + radius);
-  out[0] = -INFINITY;
-  out[1] = INFINITY;
-  if (squared <= 0.0) return; /* the camera is in the disc */
-  const double tangent = sqrt(squared);
-  const double low_x = depth * tangent + lateral * radius, high_x = depth * tangent - lateral * radius;
-  if (low_x <= 0.0 && high_x <= 0.0) {
-    out[0] = INFINITY;
-    out[1] = -INFINITY;
-    return;
-  }
-  if (low_x > 0.0) out[0] = (lateral * tangent - depth * radius) / low_x;
-  if (high_x > 0.0) out[1] = (lateral * tangent + depth * radius) / high_x;
-}
+/* Pixels beyond which outlines aren't followed. */
+static const double BEYOND = 1e5;
 
 /* Square of an ellipse's short axis over the long one: of the cone around a sphere, with its axis at an angle to the
  * view's, cut by the picture. 0 where it is no ellipse. */
@@ -37,15 +22,14 @@ typedef struct lens {
   const fum_octree *octree;
   const fum_view *view;
   const fum_slabs *slabs;
-  fum_footprints footprints;
-  float thinnest;
+  const fum_splats_options *options;
   double pixels_per_unit[2]; /* of the window */
   double pixel;              /* width of the wider side of a pixel at unit depth */
 } lens;
 
 static lens make_lens(const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                      const fum_footprints *footprints, float thinnest) {
-  lens l = {octree, view, slabs, *footprints, thinnest, {0.0, 0.0}, 0.0};
+                      const fum_splats_options *options) {
+  lens l = {octree, view, slabs, options, {0.0, 0.0}, 0.0};
   l.pixels_per_unit[0] = (double)view->width / (view->window[1] - view->window[0]);
   l.pixels_per_unit[1] = (double)view->height / (view->window[3] - view->window[2]);
   l.pixel = 1.0 / fum_least(l.pixels_per_unit[0], l.pixels_per_unit[1]);
@@ -63,8 +47,8 @@ static void find_outline(const lens *l, double footprint_m, fum_splat *splat) {
   for (int axis = 0; axis < 2; axis++) {
     const double center = (double)splat->center[axis], *edges = view->window + 2 * axis;
     double ends[2] = {center - footprint_m, center + footprint_m};
-    if (is_perspective) find_slopes(center, depth, footprint_m, ends);
-    const double per_unit = l->pixels_per_unit[axis], beyond = 1e5;
+    if (is_perspective) fum_find_slopes(center, depth, footprint_m, ends);
+    const double per_unit = l->pixels_per_unit[axis], beyond = BEYOND;
     const double first = fum_most((ends[0] - edges[0]) * per_unit - 0.5, -beyond);
     const double last = fum_least((ends[1] - edges[0]) * per_unit - 0.5, beyond);
     if ((last - first < 1.0 && ceil(first) > floor(last)) || last < 0.0 || first > (double)(sides[axis] - 1)) return;
@@ -80,13 +64,17 @@ static void find_outline(const lens *l, double footprint_m, fum_splat *splat) {
   splat->rim = aspect > 0.0 ? (float)(2.0 / (1.0 + aspect)) : INFINITY;
 }
 
-static void find_span(const fum_slabs *slabs, fum_splat *s) {
-  const float bend = 0.5F * s->width * s->width * 16.0F / fum_max(s->range, s->width), reach = s->reach + bend;
-  int32_t last = fum_slab_at(slabs, (double)(s->range - reach));
+static void find_slabs(const fum_slabs *slabs, float from, float to, fum_splat *s) {
+  int32_t last = fum_slab_at(slabs, (double)from);
   s->first_slab = (uint16_t)last;
-  while (last + 1 < slabs->count && slabs->faces[last + 1].range <= s->range + reach)
+  while (last + 1 < slabs->count && slabs->faces[last + 1].range <= to)
     last++;
   s->last_slab = (uint16_t)last;
+}
+
+static void find_span(const fum_slabs *slabs, fum_splat *s) {
+  const float bend = 0.5F * s->width * s->width * 16.0F / fum_max(s->range, s->width), reach = s->reach + bend;
+  find_slabs(slabs, s->range - reach, s->range + reach, s);
 }
 
 /* What isn't cut off a Gaussian that ends so many sigmas from its middle. */
@@ -114,24 +102,61 @@ static double end_splat(const fum_footprints *f, double *optical_depth) {
   return end;
 }
 
-static fum_splat see(const lens *l, int64_t i) {
+/* A smeared particle's place in the picture. Over all instants and points of the lens the mean of what it hides stays
+ * that of the particle; spread thinly, it adds up as that. */
+static void smear_splat(const lens *l, const fum_smear *m, fum_splat *splat, fum_streak *streak) {
+  const fum_smears *smears = l->options->smears;
+  const double width = (double)splat->width, radius = (double)splat->footprint * width;
+  double box[2][2], ranges[2];
+  if (!fum_streak_find(l->view, smears, m, radius, BEYOND, box, streak)) return;
+  for (int axis = 0; axis < 2; axis++) {
+    splat->middle_px[axis] = (float)(0.5 * (box[axis][0] + box[axis][1]));
+    splat->half_px[axis] = (float)fum_most(0.5 * (box[axis][1] - box[axis][0]), 1e-3);
+  }
+  splat->rim = INFINITY;
+  fum_streak_ranges(l->view, smears, m, (double)splat->reach, width, ranges);
+  find_slabs(l->slabs, (float)ranges[0], (float)ranges[1], splat);
+  const double share = fum_streak_share(l->view, smears, m, width), depth = (double)splat->optical_depth;
+  if (depth > 0.0) splat->optical_depth = (float)(fum_dust_widened(depth, sqrt(share)) / share);
+}
+
+/* Camera space. */
+static void find_center(const lens *l, int64_t i, double out[3]) {
   const fum_octree *octree = l->octree;
-  const fum_view *view = l->view;
-  const bool is_perspective = view->type == FUM_CAMERA_PERSPECTIVE;
+  if (l->options->smears != NULL) {
+    for (int axis = 0; axis < 3; axis++)
+      out[axis] = (double)l->options->smears->items[i].center[axis];
+    return;
+  }
   const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
+  fum_transform_point(l->view->camera_from_local, local, out);
+}
+
+static fum_splat see(const lens *l, int64_t i, fum_streak *out_streak) {
+  const fum_octree *octree = l->octree;
+  const fum_splats_options *o = l->options;
+  const bool is_perspective = l->view->type == FUM_CAMERA_PERSPECTIVE;
   double c[3];
-  fum_transform_point(view->camera_from_local, local, c);
+  find_center(l, i, c);
   fum_splat splat = {.center = {(float)c[0], (float)c[1], (float)c[2]}, .self_shade = 1.0F};
   const double sigma = 1.0 / (double)octree->inverse_sigmas[i];
   const double width = fum_most(sigma, FUM_MIN_SIGMA_PIXELS * l->pixel * (is_perspective ? fum_most(-c[2], 0.0) : 1.0));
-  double optical_depth = (double)fum_max(octree->optical_depths[i], l->thinnest);
+  double optical_depth = (double)fum_max(octree->optical_depths[i], o->thinnest);
   if (width > sigma) optical_depth = fum_dust_widened(optical_depth, sigma / width);
   splat.sigma = (float)sigma;
   splat.width = (float)width;
-  splat.footprint = (float)end_splat(&l->footprints, &optical_depth);
+  if (out_streak != NULL)
+    out_streak->kind = fum_streak_kind(o->smears, &o->smears->items[i], width, (double)o->least_blur);
+  const bool is_smeared = out_streak != NULL && out_streak->kind != FUM_STREAK_NONE;
+  splat.footprint = (float)(is_smeared ? fum_footprint(o->footprints.sigmas, optical_depth)
+                                       : end_splat(&o->footprints, &optical_depth));
   splat.optical_depth = (float)optical_depth;
   splat.range = (float)(is_perspective ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2]);
   splat.reach = (float)(sigma * ALONG_SHARE * (double)splat.footprint);
+  if (is_smeared) {
+    smear_splat(l, &o->smears->items[i], &splat, out_streak);
+    return splat;
+  }
   find_outline(l, (double)splat.footprint * width, &splat);
   find_span(l->slabs, &splat);
   return splat;
@@ -155,6 +180,8 @@ static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32
   const fum_splat *splat = &s->splats[i];
   if (!is_seen(splat)) return;
   int32_t columns[2], rows[2];
+  const bool is_streak = s->streaks != NULL && s->streaks[i].kind != FUM_STREAK_NONE;
+  const fum_streak *streak = is_streak ? &s->streaks[i] : NULL;
   find_tiles(splat, 0, s->columns, columns);
   find_tiles(splat, 1, s->rows, rows);
   const bool has_corners = columns[0] < columns[1] && rows[0] < rows[1];
@@ -163,6 +190,8 @@ static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32
     for (int32_t column = columns[0]; column <= columns[1]; column++) {
       const float x0 = (float)(column * FUM_TILE);
       if (has_corners && gap + fum_splat_gap(splat, 0, x0, x0 + (float)(FUM_TILE - 1)) > splat->rim) continue;
+      const float half = 0.5F * (float)(FUM_TILE - 1), diagonal = 1.4143F * half;
+      if (has_corners && streak != NULL && !fum_streak_touches(streak, x0 + half, y0 + half, diagonal)) continue;
       const int64_t at = cursors[(int64_t)row * s->columns + column]++;
       if (out != NULL) out[at] = (uint32_t)i;
     }
@@ -209,18 +238,20 @@ done:
 }
 
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                        const fum_footprints *footprints, float thinnest, fum_splats *out_splats) {
+                        const fum_splats_options *options, fum_splats *out_splats) {
   fum_splats s = {.count = octree->count,
                   .columns = (view->width + FUM_TILE - 1) / FUM_TILE,
                   .rows = (view->height + FUM_TILE - 1) / FUM_TILE};
-  const lens l = make_lens(octree, view, slabs, footprints, thinnest);
+  const lens l = make_lens(octree, view, slabs, options);
   int64_t seen = 0;
   int32_t status = fum_alloc(context, s.count, sizeof *s.splats, "splats", &s.splats);
+  if (status == FUM_OK && options->smears != NULL)
+    status = fum_alloc(context, s.count, sizeof *s.streaks, "splats", &s.streaks);
   if (status != FUM_OK) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
   for (int64_t i = 0; i < s.count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 16)) continue;
-    s.splats[i] = see(&l, i);
+    s.splats[i] = see(&l, i, s.streaks != NULL ? &s.streaks[i] : NULL);
     seen += is_seen(&s.splats[i]);
   }
   s.seen_count = seen;
@@ -237,6 +268,7 @@ done:
 
 void fum_splats_free(fum_context *context, fum_splats *splats) {
   fum_free(context, &splats->splats);
+  fum_free(context, &splats->streaks);
   fum_free(context, &splats->tile_begins);
   fum_free(context, &splats->tile_splats);
 }

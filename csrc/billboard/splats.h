@@ -3,6 +3,7 @@
 #ifndef FUM_BILLBOARD_SPLATS_H
 #define FUM_BILLBOARD_SPLATS_H
 
+#include "billboard/streak.h"
 #include "lighting/slabs.h"
 
 enum { FUM_TILE = 32 }; /* pixels a side */
@@ -25,6 +26,7 @@ typedef struct fum_splat {
 typedef struct fum_splats {
   int64_t count;
   fum_splat *splats;     /* [count] in the octree's order */
+  fum_streak *streaks;   /* [count] of smeared particles; NULL: none are */
   int64_t seen_count;    /* those with pixels */
   int32_t columns, rows; /* of tiles */
   int64_t *tile_begins;  /* [columns rows + 1] into tile_splats */
@@ -48,9 +50,16 @@ typedef struct fum_footprints {
 
 fum_footprints fum_footprints_find(double sigmas, double thin_sigmas);
 
-/* `thinnest` as in fum_slabs_find. */
+/* How particles are seen: `smears` NULL where they stand; `thinnest` as in fum_slabs_find. */
+typedef struct fum_splats_options {
+  const fum_smears *smears;
+  fum_footprints footprints;
+  float thinnest;
+  float least_blur; /* as in fum_streak_kind */
+} fum_splats_options;
+
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
-                        const fum_footprints *footprints, float thinnest, fum_splats *out_splats);
+                        const fum_splats_options *options, fum_splats *out_splats);
 void fum_splats_free(fum_context *context, fum_splats *splats);
 
 #endif

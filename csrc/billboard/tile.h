@@ -4,6 +4,7 @@
 #ifndef FUM_BILLBOARD_TILE_H
 #define FUM_BILLBOARD_TILE_H
 
+#include "billboard/bokeh.h"
 #include "billboard/splats.h"
 #include "lighting/lattice.h"
 #include "lighting/slabs.h"
@@ -32,6 +33,8 @@ typedef struct fum_tile_job {
   const fum_view *view;
   const fum_slabs *slabs;
   const fum_splats *splats;
+  const fum_smears *smears; /* of the splats that have streaks... */
+  const fum_bokeh *bokeh;   /* ...and what they are like out of focus; empty if all is in focus */
   const fum_lattice *lattice;
   const fum_lamps *lamps;
   const fum_solids *solids; /* that cast shadows; NULL: none */

@@ -2,6 +2,7 @@
 /* The loops of tile.h, to be compiled once for each instruction set: tile_*.c define FUM_LANES and FUM_TILE_NAME. */
 #include "billboard/deep.h"
 #include "billboard/tile_light_loop.h"
+#include "billboard/tile_smear_loop.h"
 #include "billboard/tile_splats_loop.h"
 
 #include <stdlib.h>

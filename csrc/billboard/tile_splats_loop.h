@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 /* The part of tile_loop.h that adds up a tile's splats in its slabs. */
+#ifndef FUM_BILLBOARD_TILE_SPLATS_LOOP_H
+#define FUM_BILLBOARD_TILE_SPLATS_LOOP_H
+
 #include "billboard/tile_map_loop.h"
 
 #include <string.h>
@@ -234,10 +237,14 @@ static void splat_mapped(const tile *t, const fum_splat *s, const patch *p, cons
 /* Splats are fetched from memory so many before they are needed. */
 enum { AHEAD = 8 };
 
+/* `box`: the blocks that its box touches. In tile_smear_loop.h. */
+static void add_smeared(const tile *t, uint32_t index, const patch *box, const float *look, float *slabs);
+
 static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
   const float far_away =
       30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
+  const fum_streak *streaks = t->job->splats->streaks;
   float look[MAX_LOOK];
   splat_map map;
   patch p;
@@ -246,6 +253,10 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     if (n + AHEAD < count) __builtin_prefetch(&t->job->splats->splats[indices[n + AHEAD]]);
     find_look(t->job, indices[n], s->self_shade, look);
     find_patch(t, s, &p);
+    if (streaks != NULL && streaks[indices[n]].kind != FUM_STREAK_NONE) {
+      add_smeared(t, indices[n], &p, look, slabs);
+      continue;
+    }
     const float reach = 1.125F * s->reach;
     const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
     const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);
@@ -256,3 +267,5 @@ static void add_splats(const tile *t, const uint32_t *indices, int64_t count, fl
     }
   }
 }
+
+#endif

@@ -3,6 +3,8 @@
 
 #include "base/vector.h"
 
+#include <string.h>
+
 /* Smoke at some range, gathered from the leaves there. */
 typedef struct bin {
   double mass;          /* optical depth times area: density (2 pi)^(3/2) sigma^3 */
@@ -25,6 +27,7 @@ typedef struct seen {
 typedef struct scan {
   const fum_octree *octree;
   const fum_view *view;
+  const fum_smears *smears; /* NULL: none */
   double thinnest;
   double frame_area; /* m^2 of the frame at unit range, in an orthographic view at any */
   double extent[2];
@@ -32,11 +35,34 @@ typedef struct scan {
   bin *bins;    /* NULL: only the extent is found */
 } scan;
 
+/* Box of all that is seen of the centres of particles that are smeared. Camera space. */
+static void find_smeared_box(const scan *s, uint32_t begin, uint32_t count, double lower[3], double upper[3]) {
+  for (int axis = 0; axis < 3; axis++) {
+    lower[axis] = INFINITY;
+    upper[axis] = -INFINITY;
+  }
+  for (uint32_t i = begin; i < begin + count; i++) {
+    const fum_smear *smear = &s->smears->items[i];
+    const double slope = s->smears->confusion_per_depth, path = 0.5 * fabs((double)smear->path[2]);
+    const double confusion = s->smears->extent * (fabs((double)smear->confusion) + slope * path);
+    for (int axis = 0; axis < 3; axis++) {
+      const double around = 0.5 * fabs((double)smear->path[axis]) + (axis < 2 ? confusion : 0.0);
+      lower[axis] = fum_least(lower[axis], (double)smear->center[axis] - around);
+      upper[axis] = fum_most(upper[axis], (double)smear->center[axis] + around);
+    }
+  }
+}
+
 static void see(const scan *s, uint32_t begin, uint32_t count, const double lower[3], const double upper[3],
                 seen *out) {
   const fum_octree *octree = s->octree;
-  double middle[3], volume = 1.0, squared = 0.0, mean_sigma = 0.0;
+  double middle[3], volume = 1.0, squared = 0.0, mean_sigma = 0.0, smeared[2][3];
   *out = (seen){0};
+  if (s->smears != NULL) {
+    find_smeared_box(s, begin, count, smeared[0], smeared[1]);
+    lower = smeared[0];
+    upper = smeared[1];
+  }
   for (uint32_t i = begin; i < begin + count; i++) {
     const double inverse = (double)octree->inverse_sigmas[i], sigma = 1.0 / inverse;
     const double mass = fum_most((double)octree->optical_depths[i], s->thinnest) * 2.0 * FUM_PI * sigma * sigma;
@@ -53,7 +79,11 @@ static void see(const scan *s, uint32_t begin, uint32_t count, const double lowe
     /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
     volume *= side + FUM_SQRT_2PI * mean_sigma / count;
   }
-  fum_transform_point(s->view->camera_from_local, middle, out->center);
+  if (s->smears != NULL) {
+    memcpy(out->center, middle, sizeof middle);
+  } else {
+    fum_transform_point(s->view->camera_from_local, middle, out->center);
+  }
   const double *c = out->center;
   out->range = s->view->type == FUM_CAMERA_PERSPECTIVE ? sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) : -c[2];
   out->radius = sqrt(squared);
@@ -272,13 +302,17 @@ static void find_starts(const double extent[2], fum_slabs *slabs) {
   }
 }
 
-int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
-                       float thinnest, fum_slabs *out_slabs) {
+int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_smears *smears,
+                       float tolerance, float thinnest, fum_slabs *out_slabs) {
   bin *bins = NULL;
   fum_face *faces = NULL;
   double *frequencies = NULL;
   const double *w = view->window;
-  scan s = {.octree = octree, .view = view, .thinnest = (double)thinnest, .frame_area = (w[1] - w[0]) * (w[3] - w[2])};
+  scan s = {.octree = octree,
+            .view = view,
+            .smears = smears,
+            .thinnest = (double)thinnest,
+            .frame_area = (w[1] - w[0]) * (w[3] - w[2])};
   *out_slabs = (fum_slabs){0};
   int32_t status = see_leaves(context, &s);
   if (status != FUM_OK) goto done;

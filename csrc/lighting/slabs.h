@@ -4,8 +4,7 @@
 #ifndef FUM_LIGHTING_SLABS_H
 #define FUM_LIGHTING_SLABS_H
 
-#include "octree/octree.h"
-#include "scene/view.h"
+#include "lighting/smears.h"
 
 enum { FUM_MAX_SLABS = 4096, FUM_SLAB_STARTS = 1024 };
 
@@ -38,9 +37,10 @@ static inline double fum_footprint(double sigmas, double optical_depth) {
 }
 
 /* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a
- * particle counts at least (above 0 where it may glow without absorbing). */
-int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, float tolerance,
-                       float thinnest, fum_slabs *out_slabs);
+ * particle counts at least (above 0 where it may glow without absorbing). `smears`: particles are where these are;
+ * NULL: where they stand. */
+int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_smears *smears,
+                       float tolerance, float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
 
 /* Range of a face; beyond the first and the last one, as if the slabs there went on. */

@@ -122,6 +122,43 @@ int32_t fum_view_init_moved(fum_context *context, const fum_camera *camera, bool
   return fum_view_init(context, &moved, out_view);
 }
 
+/* Makes the axes of a matrix between two rotations perpendicular again, those of the view first. */
+static void straighten(double m[16]) {
+  const int order[3] = {2, 0, 1};
+  for (int k = 0; k < 3; k++) {
+    double axis[3];
+    (void)fum_matrix_axis(m, order[k], axis);
+    for (int j = 0; j < k; j++) {
+      const double *other = m + order[j];
+      const double along = axis[0] * other[0] + axis[1] * other[4] + axis[2] * other[8];
+      for (int row = 0; row < 3; row++)
+        axis[row] -= along * other[4 * row];
+    }
+    const double length = sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]);
+    for (int row = 0; row < 3; row++)
+      m[4 * row + order[k]] = axis[row] / length;
+  }
+}
+
+int32_t fum_view_init_at(fum_context *context, const fum_camera *camera, double frames, fum_view *out_view) {
+  fum_view views[2];
+  int32_t status = fum_view_init(context, camera, &views[0]);
+  if (status == FUM_OK) status = fum_view_init_moved(context, camera, frames > 0.0, &views[1]);
+  if (status != FUM_OK) return status;
+  const double share = fabs(frames);
+  fum_view view = views[0];
+  for (int i = 0; i < 16; i++)
+    view.local_from_camera[i] = (1.0 - share) * views[0].local_from_camera[i] + share * views[1].local_from_camera[i];
+  for (int i = 0; i < 4; i++)
+    view.window[i] = (1.0 - share) * views[0].window[i] + share * views[1].window[i];
+  straighten(view.local_from_camera);
+  if (!invert(view.local_from_camera, view.camera_from_local)) {
+    return fum_fail(context, FUM_ERROR_ARGUMENT, "camera: it turns too far within a frame");
+  }
+  *out_view = view;
+  return FUM_OK;
+}
+
 void fum_view_place(fum_view *view, const double origin[3]) {
   double *to_camera = view->camera_from_local;
   for (int row = 0; row < 3; row++) {

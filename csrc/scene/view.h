@@ -18,6 +18,9 @@ int32_t fum_view_init(fum_context *context, const fum_camera *camera, fum_view *
 /* Where a camera that moves is one frame before, or after. */
 int32_t fum_view_init_moved(fum_context *context, const fum_camera *camera, bool is_next, fum_view *out_view);
 
+/* Where it is `frames` later, -1..1: between where it is now and where it is one frame before or after. */
+int32_t fum_view_init_at(fum_context *context, const fum_camera *camera, double frames, fum_view *out_view);
+
 /* Moves the view to coordinates relative to `origin`. */
 void fum_view_place(fum_view *view, const double origin[3]);
 

@@ -138,11 +138,12 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   assert_int_equal(fum_tiles_find_looks(scene, classes, &job), FUM_OK);
   assert_int_equal(fum_lighting_begin(scene, &settings, all, &lighting), FUM_OK);
   job.lamps = &lighting.lamps;
-  assert_int_equal(fum_slabs_find(context, all, &view, settings.tolerance, job.thinnest, &slabs), FUM_OK);
+  assert_int_equal(fum_slabs_find(context, all, &view, NULL, settings.tolerance, job.thinnest, &slabs), FUM_OK);
   assert_int_equal(fum_lattice_place(context, all, &view, &slabs, footprint_sigmas, settings.tolerance, &lattice),
                    FUM_OK);
   assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, &lighting.lamps, &lattice), FUM_OK);
-  assert_int_equal(fum_splats_find(context, all, &view, &slabs, &footprints, job.thinnest, &splats), FUM_OK);
+  const fum_splats_options drawn = {.footprints = footprints, .thinnest = job.thinnest};
+  assert_int_equal(fum_splats_find(context, all, &view, &slabs, &drawn, &splats), FUM_OK);
   draw_at_level(context, &job, FUM_CPU_PLAIN, plain);
   float brightest = 0.0F;
   for (int level = 1; level <= (int)FUM_CPU_AVX512; level++) {
