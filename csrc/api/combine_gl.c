@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "api/attributes.h"
 #include "api/particle_light.h"
+#include "api/smeared.h"
 #include "billboard/arrange.h"
 #include "billboard/gl.h"
 
@@ -13,7 +14,7 @@ static int32_t light_particles(fum_rendering *r, float **out_light) {
   float *light = NULL;
   int32_t status = fum_alloc(r->context, all->count, 3 * sizeof *light, "light of the particles", &light);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
-  if (status == FUM_OK) status = fum_light_particles(r, &lighting, light);
+  if (status == FUM_OK) status = fum_light_particles(r, &lighting, NULL, light);
   if (status != FUM_OK) goto done;
   r->stats.light_points = all->count;
   fum_note_lighting(&lighting, r);
@@ -97,17 +98,31 @@ static int32_t draw_billboards(fum_rendering *r, const float *light) {
   const bool has_maps = fum_scene_map_traits(r->scene).has_maps;
   fum_frame frame = make_frame(r);
   fum_billboard_maps maps = {0};
+  fum_smeared smeared = {0};
+  fum_billboard_smear *smears = NULL;
   uint32_t *ranks = NULL;
   fum_billboard *billboards = NULL;
   int64_t count = 0;
   double start_s = fum_now_s();
   int32_t status = fum_progress_report(r->context, FUM_STAGE_SORTING, 0.0F, "Sorting particles by depth");
   if (status != FUM_OK) goto done;
-  status = fum_arrange_order(r->scene, all, &r->view, frame.footprint_sigmas, &ranks, &count);
+  status = fum_smeared_find(r, &smeared);
+  if (status != FUM_OK) goto done;
+  const bool is_blurred = smeared.smears.items != NULL;
+  status = fum_arrange_order(r->scene, all, &r->view, is_blurred ? &smeared.smears : NULL, frame.footprint_sigmas,
+                             &ranks, &count);
+  if (status == FUM_OK && is_blurred) status = fum_alloc(r->context, count, sizeof *smears, "billboards", &smears);
   if (status == FUM_OK) status = fum_alloc(r->context, count, sizeof *billboards, "billboards", &billboards);
   if (status != FUM_OK) goto done;
   fum_arrange_billboards(r->scene, all, &r->view, light, count, ranks, billboards);
-  if (has_maps) {
+  const fum_frame_blur blur = {.smears = smears,
+                               .confusion_per_depth = (float)smeared.smears.confusion_per_depth,
+                               .extent = (float)smeared.smears.extent,
+                               .bokeh = &smeared.bokeh};
+  if (is_blurred) {
+    fum_arrange_smears(r->context, &smeared.smears, count, ranks, billboards, smears);
+    frame.blur = &blur;
+  } else if (has_maps) {
     status = fum_arrange_maps(r->scene, all, &r->view, count, ranks, &maps);
     if (status != FUM_OK) goto done;
     frame.maps = &maps;
@@ -115,12 +130,14 @@ static int32_t draw_billboards(fum_rendering *r, const float *light) {
   r->stats.drawn_count = count;
   r->stats.sort_s = fum_now_s() - start_s;
   start_s = fum_now_s();
-  arranged all_of_them = {r, frame, count, ranks, billboards, has_maps ? &maps : NULL};
+  arranged all_of_them = {r, frame, count, ranks, billboards, frame.maps != NULL ? &maps : NULL};
   status = draw_up_to_solids(&all_of_them, r->through, r->combined);
   r->stats.draw_s = fum_now_s() - start_s;
   if (status == FUM_OK) status = fum_attributes_make(r, draw_values, &all_of_them);
 done:
   fum_arrange_free_maps(r->context, &maps);
+  fum_smeared_free(r->context, &smeared);
+  fum_free(r->context, &smears);
   fum_free(r->context, &billboards);
   fum_free(r->context, &ranks);
   return status;

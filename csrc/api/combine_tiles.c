@@ -2,6 +2,8 @@
 #include "api/attributes.h"
 #include "api/light_error.h"
 #include "api/particle_light.h"
+#include "api/smeared.h"
+#include "api/smeared_parts.h"
 #include "api/solid_shadow.h"
 #include "billboard/tiles.h"
 #include "lighting/centres.h"
@@ -13,13 +15,18 @@
 typedef struct smoke_light {
   fum_slabs slabs;
   fum_lattice lattice;
-  float *centres; /* [3 count] of particles lit at their centres; NULL: the lattice holds the light */
+  float *centres;   /* [3 count] of particles lit at their centres; NULL: the lattice holds the light */
+  float **by_light; /* [light_count] [3 count] the same of lights that are asked for by themselves; NULL: none is */
+  int32_t light_count;
 } smoke_light;
 
 static void smoke_light_free(fum_context *context, smoke_light *light) {
   fum_lattice_free(context, &light->lattice);
   fum_slabs_free(context, &light->slabs);
   fum_free(context, &light->centres);
+  for (int32_t l = 0; l < light->light_count && light->by_light != NULL; l++)
+    fum_free(context, &light->by_light[l]);
+  fum_free(context, &light->by_light);
 }
 
 /* What lighting the smoke needs to know. */
@@ -80,7 +87,7 @@ static int32_t light_centres(const plan *p, smoke_light *light, double *out_shar
   if (status == FUM_OK) status = fum_alloc(r->context, all->count, 3 * sizeof(float), "lighting", &light->centres);
   g.listen = fum_meter_listen;
   g.listen_user = meter;
-  if (status == FUM_OK) status = fum_inscatter(r->scene, &g, &p->lighting->lamps, &viewpoint, light->centres);
+  if (status == FUM_OK) status = fum_inscatter(r->scene, &g, &p->lighting->lamps, &viewpoint, NULL, light->centres);
   if (status == FUM_OK) status = read_meter(r, meter, out_share);
   if (status != FUM_OK || *out_share <= 1.0) return status;
   fum_free(r->context, &light->centres);
@@ -155,16 +162,22 @@ static bool is_blurred(const plan *p) {
 static int32_t light_blurred(const plan *p, smoke_light *light) {
   fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
-  if (asks_lattice(r)) {
-    return fum_fail(r->context, FUM_ERROR_ARGUMENT,
-                    "with motion blur or depth of field passes of single lights, Emission, Solid Shadow and Error "
-                    "can't be drawn");
+  const char *what = "light of the particles";
+  if (r->error != NULL || fum_solid_shadow_is_wanted(r)) {
+    return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s can't be drawn with motion blur or depth of field",
+                    r->error != NULL ? "Error" : "Solid Shadow");
   }
   int32_t status =
       fum_slabs_find(r->context, all, &r->view, p->smears, r->settings.tolerance, p->thinnest, &light->slabs);
   if (status != FUM_OK || light->slabs.count == 0) return status;
-  status = fum_alloc(r->context, all->count, 3 * sizeof(float), "light of the particles", &light->centres);
-  return status == FUM_OK ? fum_light_particles(r, p->lighting, light->centres) : status;
+  light->light_count = r->scene->light_count;
+  status = fum_alloc(r->context, all->count, 3 * sizeof(float), what, &light->centres);
+  if (status == FUM_OK)
+    status = fum_alloc(r->context, light->light_count, sizeof *light->by_light, what, &light->by_light);
+  for (int32_t l = 0; l < light->light_count && status == FUM_OK; l++) {
+    if (r->lights[l] != NULL) status = fum_alloc(r->context, all->count, 3 * sizeof(float), what, &light->by_light[l]);
+  }
+  return status == FUM_OK ? fum_light_particles(r, p->lighting, light->by_light, light->centres) : status;
 }
 
 /* Lights the smoke in view. */
@@ -194,6 +207,8 @@ static void use_centres(const smoke_light *light, fum_tile_job *job) {
   job->class_count = 0;
   job->is_uniform = false;
   job->glows = true;
+  job->light_rgb = NULL;
+  job->emission = NULL;
 }
 
 /* Tails that are cut off add up where many particles overlap, so that particles are drawn further out than they ask for
@@ -224,29 +239,13 @@ static int32_t draw_values(void *user, const float *values, bool are_colors, flo
   return fum_tiles_draw(shared->scene->context, &job);
 }
 
-/* What the shutter and the lens do to particles; nothing is found of a camera that has neither. */
-typedef struct blur {
-  fum_smears smears;
-  fum_bokeh bokeh;
-} blur;
-
-static int32_t find_blur(const fum_rendering *r, blur *out) {
-  if (!fum_camera_blurs(r->camera)) return FUM_OK;
-  int32_t status = fum_smears_find(r->scene, r->scene->caches->all, r->camera, &r->view, &out->smears);
-  if (status == FUM_OK && r->camera->aperture_radius > 0.0) status = fum_bokeh_find(r->context, r->camera, &out->bokeh);
-  return status;
-}
-
-static void blur_free(fum_context *context, blur *b) {
-  fum_smears_free(context, &b->smears);
-  fum_bokeh_free(context, &b->bokeh);
-}
-
 /* Passes that are drawn as Combined is. */
 static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const smoke_light *light,
                            fum_tile_job *job) {
   job->through[0] = job->through[1] = NULL; /* they are noted already */
   int32_t status = fum_attributes_make(r, draw_values, job);
+  if (status == FUM_OK && light->by_light != NULL)
+    status = fum_smeared_parts_make(r, light->by_light, job->thinnest, draw_values, job);
   if (status == FUM_OK && fum_solid_shadow_is_wanted(r)) status = fum_solid_shadow_find(r, job);
   if (status == FUM_OK && r->error != NULL) status = fum_light_error_find(r, lighting, &light->slabs, &light->lattice);
   return status;
@@ -261,7 +260,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   fum_meter meter = {0};
   smoke_light light = {0};
   fum_splats splats = {0};
-  blur blurred = {0};
+  fum_smeared blurred = {0};
   fum_tile_job job = {.scene = r->scene,
                       .octree = all,
                       .view = &r->view,
@@ -288,7 +287,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
   lighting.gathering.viewpoint = &viewpoint;
-  if (status == FUM_OK) status = find_blur(r, &blurred);
+  if (status == FUM_OK) status = fum_smeared_find(r, &blurred);
   const plan p = {r, &lighting, footprint, job.thinnest, &blurred.smears};
   if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
   if (status != FUM_OK || light.slabs.count == 0) goto done;
@@ -296,15 +295,15 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   use_centres(&light, &job);
   r->stats.light_points = light.centres != NULL ? all->count : light.lattice.lit_count;
   r->stats.slab_count = light.slabs.count;
-  r->stats.meter_s = meter.seconds;
+  r->stats.meter_s += meter.seconds;
   fum_note_lighting(&lighting, r);
-  r->stats.light_s = fum_now_s() - start_s - meter.seconds;
+  r->stats.light_s = fum_now_s() - start_s - r->stats.meter_s;
   start_s = fum_now_s();
   const fum_footprints footprints = drawn_footprints(r, &light.slabs);
   const fum_splats_options drawn = {.smears = blurred.smears.items != NULL ? &blurred.smears : NULL,
                                     .footprints = footprints,
                                     .thinnest = job.thinnest,
-                                    .least_blur = sqrtf(0.1F * r->settings.tolerance)};
+                                    .least_blur = fum_least_blur(&r->settings)};
   status = fum_splats_find(r->context, all, &r->view, &light.slabs, &drawn, &splats);
   if (status != FUM_OK) goto done;
   fum_tiles_shade_dust(r->context, &job, &splats);
@@ -319,7 +318,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
 done:
   fum_free(r->context, &job.class_of);
   fum_splats_free(r->context, &splats);
-  blur_free(r->context, &blurred);
+  fum_smeared_free(r->context, &blurred);
   smoke_light_free(r->context, &light);
   fum_meter_end(&meter);
   fum_lighting_end(r->context, &lighting);

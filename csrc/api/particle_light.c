@@ -13,7 +13,8 @@ static bool keeps_tolerance(const fum_rendering *r, const fum_lighting *lighting
 }
 
 /* Lights every particle, and measures that. */
-static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *light, bool *out_keeps) {
+static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *const *by_light, float *light,
+                          bool *out_keeps) {
   const fum_meter_options options = fum_find_meter_options(r, lighting);
   const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
   fum_meter meter = {0};
@@ -22,8 +23,12 @@ static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *light
   if (status != FUM_OK) return status;
   lighting->gathering.listen = fum_meter_listen;
   lighting->gathering.listen_user = &meter;
-  memset(light, 0, 3 * (size_t)r->scene->caches->all->count * sizeof *light);
-  status = fum_inscatter(r->scene, &lighting->gathering, &lighting->lamps, &viewpoint, light);
+  const size_t size = 3 * (size_t)r->scene->caches->all->count * sizeof *light;
+  memset(light, 0, size);
+  for (int32_t l = 0; l < r->scene->light_count && by_light != NULL; l++) {
+    if (by_light[l] != NULL) memset(by_light[l], 0, size);
+  }
+  status = fum_inscatter(r->scene, &lighting->gathering, &lighting->lamps, &viewpoint, by_light, light);
   if (status == FUM_OK) status = fum_meter_read(&meter, &accuracy);
   if (status == FUM_OK) {
     fum_note_accuracy(&accuracy, &r->stats);
@@ -34,12 +39,16 @@ static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *light
   return status;
 }
 
-int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *out_light) {
+int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *const *by_light, float *out_light) {
   bool keeps = true;
   int32_t status = fum_receivers_group(r->context, r->scene->caches->all, &lighting->receivers);
-  if (status == FUM_OK) status = light_once(r, lighting, out_light, &keeps);
+  if (status == FUM_OK) status = light_once(r, lighting, by_light, out_light, &keeps);
   if (status == FUM_OK && !keeps && fum_solver_fall_back(&lighting->solver))
-    status = light_once(r, lighting, out_light, &keeps);
+    status = light_once(r, lighting, by_light, out_light, &keeps);
+  for (int32_t l = 0; l < r->scene->light_count && by_light != NULL && status == FUM_OK; l++) {
+    for (int64_t i = 0; i < 3 * r->scene->caches->all->count && by_light[l] != NULL; i++)
+      out_light[i] += by_light[l][i];
+  }
   if (status == FUM_OK && !keeps) {
     fum_warn(r->context,
              "light misses the tolerance %g: particles' transmittances to lights are wrong by %.2g at worst, "

@@ -6,7 +6,7 @@
 #include "api/combine.h"
 
 /* Lights every particle and measures how well; says so where that misses the tolerance. out_light [3 count] as of
- * fum_inscatter. */
-int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *out_light);
+ * fum_inscatter, of all lights; by_light [light_count] of each that has an entry; NULL: none has. */
+int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *const *by_light, float *out_light);
 
 #endif

@@ -47,8 +47,15 @@ static uint32_t order_key(const fum_view *view, const double center[3]) {
   return distance < 0.0 ? 0x80000000U + bits : 0x7fffffffU - bits;
 }
 
+/* How far a smeared particle is seen around the middle of its path, beyond its footprint. */
+static double find_spread(const fum_smears *smears, const fum_smear *smear) {
+  const float *p = smear->path;
+  const double path = 0.5 * sqrt((double)(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]));
+  return path + smears->extent * (fabs((double)smear->confusion) + smears->confusion_per_depth * path);
+}
+
 int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, const fum_view *view,
-                          float footprint_sigmas, uint32_t **out_ranks, int64_t *out_count) {
+                          const fum_smears *smears, float footprint_sigmas, uint32_t **out_ranks, int64_t *out_count) {
   fum_context *context = scene->context;
   const uint64_t unseen = UINT64_MAX;
   /* A billboard thinner than a pixel is widened to about one. */
@@ -65,10 +72,13 @@ int32_t fum_arrange_order(const fum_scene *scene, const fum_octree *octree, cons
     double center[3];
     if (fum_progress_in_loop(context, rank, CHECK_STRIDE)) continue;
     to_camera(octree, view, (uint32_t)rank, center);
+    for (int axis = 0; axis < 3 && smears != NULL; axis++)
+      center[axis] = (double)smears->items[rank].center[axis];
+    const double spread = smears != NULL ? find_spread(smears, &smears->items[rank]) : 0.0;
     const double depth = view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -center[2]) : 1.0;
     const double sigma = fmax(1.0 / (double)octree->inverse_sigmas[rank], pixel * depth);
     const double footprint = fum_footprint((double)footprint_sigmas, (double)octree->optical_depths[rank]);
-    const bool in_frame = is_in_frame(view, center, sigma * footprint);
+    const bool in_frame = is_in_frame(view, center, sigma * footprint + spread);
     keys[octree->indices[rank]] = in_frame ? (uint64_t)order_key(view, center) << 32 | (uint64_t)rank : unseen;
     seen += in_frame;
   }
@@ -171,4 +181,15 @@ done:
 void fum_arrange_free_maps(fum_context *context, fum_billboard_maps *maps) {
   fum_free(context, &maps->maps);
   fum_free(context, &maps->looks);
+}
+
+void fum_arrange_smears(fum_context *context, const fum_smears *smears, int64_t count, const uint32_t *ranks,
+                        fum_billboard *billboards, fum_billboard_smear *out_smears) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t n = 0; n < count; n++) {
+    const fum_smear *smear = &smears->items[ranks[n]];
+    memcpy(billboards[n].center, smear->center, sizeof smear->center);
+    memcpy(out_smears[n].path, smear->path, sizeof smear->path);
+    out_smears[n].confusion = smear->confusion;
+  }
 }

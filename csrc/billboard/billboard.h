@@ -3,6 +3,7 @@
 #ifndef FUM_BILLBOARD_BILLBOARD_H
 #define FUM_BILLBOARD_BILLBOARD_H
 
+#include "billboard/bokeh.h"
 #include "billboard/map_look.h"
 
 /* One particle as drawn: the source function fills its Gaussian of optical depth. Camera space looks along -Z. */
@@ -28,6 +29,20 @@ static inline int64_t fum_billboard_rows(const fum_map *map) {
   return (map->texel_count + FUM_MAP_ROW - 1) / FUM_MAP_ROW;
 }
 
+/* What the shutter and the lens do to a billboard; its centre is the middle of the path then. As in fum_smear. */
+typedef struct fum_billboard_smear {
+  float path[3]; /* m */
+  float confusion;
+} fum_billboard_smear;
+
+/* Of a picture that is blurred. */
+typedef struct fum_frame_blur {
+  const fum_billboard_smear *smears; /* one for each billboard */
+  float confusion_per_depth;         /* as these in fum_smears */
+  float extent;
+  const fum_bokeh *bokeh;
+} fum_frame_blur;
+
 /* The picture's geometry; see fum_camera. */
 typedef struct fum_frame {
   int32_t type; /* FUM_CAMERA_ */
@@ -38,6 +53,7 @@ typedef struct fum_frame {
   const float
       *solid_depths; /* [height][width] depth along the axis of the nearest solid (clip_end if none); NULL: none */
   const fum_billboard_maps *maps; /* NULL: none */
+  const fum_frame_blur *blur;     /* NULL: billboards are as they are */
 } fum_frame;
 
 #endif

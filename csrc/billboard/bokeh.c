@@ -130,14 +130,19 @@ void fum_bokeh_free(fum_context *context, fum_bokeh *bokeh) {
   fum_free(context, &bokeh->values);
 }
 
-fum_bokeh_place fum_bokeh_at(const fum_bokeh *bokeh, double confusion, double width) {
-  const double radius = fabs(confusion), softest = fmax(width, radius / (double)FUM_BOKEH_MOST);
-  const double ratio = fmax(radius / softest, (double)FUM_BOKEH_LEAST);
+fum_bokeh_place fum_bokeh_at(const fum_bokeh *bokeh, double confusion, const double variances[3]) {
+  const double radius = fabs(confusion), sign = confusion < 0.0 ? -1.0 : 1.0;
+  const double squared_width = sqrt(fmax(variances[0] * variances[2] - variances[1] * variances[1], 0.0));
+  const double softest = fmax(squared_width, radius * radius / ((double)FUM_BOKEH_MOST * (double)FUM_BOKEH_MOST));
+  const double ratio = fmax(radius / sqrt(softest), (double)FUM_BOKEH_LEAST);
   const double level = log(ratio / (double)FUM_BOKEH_LEAST) / log((double)FUM_BOKEH_STEP);
   const int32_t before = (int32_t)fmin(level, FUM_BOKEH_LEVELS - 2.0);
-  const double variance = (double)bokeh->variance * radius * radius + softest * softest;
+  const double added = (double)bokeh->variance * radius * radius + softest - squared_width;
+  /* The inverse root of the variances of both. */
+  const double xx = variances[0] + added, xy = variances[1], yy = variances[2] + added;
+  const double area = sqrt(xx * yy - xy * xy), trace = sqrt(xx + yy + 2.0 * area), scale = sign / (area * trace);
   return (fum_bokeh_place){.level = before,
                            .blend = (float)fmin(1.0, level - before),
-                           .per_metre = (float)((confusion < 0.0 ? -1.0 : 1.0) / sqrt(variance)),
-                           .peak = (float)(width * width / variance)};
+                           .units = {(float)((yy + area) * scale), (float)(-xy * scale), (float)((xx + area) * scale)},
+                           .density = (float)(1.0 / area)};
 }

@@ -33,11 +33,13 @@ void fum_bokeh_free(fum_context *context, fum_bokeh *bokeh);
 /* How a Gaussian is to be looked up that is out of focus. */
 typedef struct fum_bokeh_place {
   int32_t level;
-  float blend;     /* share of the level behind it */
-  float per_metre; /* units; below 0: upside down */
-  float peak;      /* factor on the Gaussian's own peak */
+  float blend;    /* share of the level behind it */
+  float units[3]; /* of a metre: what offsets are multiplied with, a symmetric matrix (xx, xy, yy) */
+  float density;  /* 1/m^2: a Gaussian's peak over that of its values, if its area over 2 pi were 1 m^2 */
 } fum_bokeh_place;
 
-fum_bokeh_place fum_bokeh_at(const fum_bokeh *bokeh, double confusion, double width);
+/* `variances`: of the Gaussian, in the plane of its depth (xx, xy, yy), m^2. It and the aperture's image are as wide in
+ * any direction as what is looked up. */
+fum_bokeh_place fum_bokeh_at(const fum_bokeh *bokeh, double confusion, const double variances[3]);
 
 #endif

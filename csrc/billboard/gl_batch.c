@@ -23,9 +23,15 @@ static double extent_px(const fum_frame *frame, double center, double radius, do
 }
 
 /* Fragments that a billboard makes in a tile, roughly and rather too many. */
-static double estimate_fragments(const fum_frame *frame, const fum_gl_tile *tile, const fum_billboard *billboard) {
+static double estimate_fragments(const fum_frame *frame, const fum_gl_tile *tile, const fum_billboard *billboard,
+                                 const fum_billboard_smear *smear) {
   const double footprint = fum_footprint((double)frame->footprint_sigmas, (double)billboard->optical_depth);
-  const double radius = footprint * (double)billboard->sigma, depth = -(double)billboard->center[2];
+  double radius = footprint * (double)billboard->sigma;
+  const double depth = -(double)billboard->center[2];
+  if (smear != NULL) {
+    const float *p = smear->path;
+    radius += 0.5 * sqrt((double)(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])) + fabs((double)smear->confusion);
+  }
   const float *window = frame->window;
   if (depth + radius <= frame->clip_start || depth - radius >= frame->clip_end) return 0.0;
   return extent_px(frame, billboard->center[0], radius, depth, window[0], window[1], frame->width, tile->x,
@@ -39,7 +45,9 @@ fum_gl_batch fum_gl_batch_next(const fum_frame *frame, const fum_gl_tile *tile, 
   const double vertex_cost = 64.0;
   fum_gl_batch batch = {.first = first, .bands = 1};
   while (first + batch.count < count && batch.count < FUM_GL_MOST_BILLBOARDS) {
-    const double cost = vertex_cost + estimate_fragments(frame, tile, &billboards[first + batch.count]);
+    const int64_t i = first + batch.count;
+    const fum_billboard_smear *smear = frame->blur != NULL ? &frame->blur->smears[i] : NULL;
+    const double cost = vertex_cost + estimate_fragments(frame, tile, &billboards[i], smear);
     if (batch.count > 0 && batch.cost + cost > budget) break;
     batch.cost += cost;
     batch.count++;

@@ -57,6 +57,7 @@
   X(PFNGLUNIFORM1FPROC, Uniform1f)                                                                                     \
   X(PFNGLUNIFORM1IPROC, Uniform1i)                                                                                     \
   X(PFNGLUNIFORM2FPROC, Uniform2f)                                                                                     \
+  X(PFNGLUNIFORM3FVPROC, Uniform3fv)                                                                                   \
   X(PFNGLUNIFORM4FVPROC, Uniform4fv)                                                                                   \
   X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                                   \
   X(PFNGLVERTEXATTRIBIPOINTERPROC, VertexAttribIPointer)                                                               \

@@ -36,12 +36,7 @@ static void create_vertex_array(fum_gl_painter *painter) {
   gl->GenBuffers(1, &painter->vertex_buffer);
   gl->BindBuffer(GL_ARRAY_BUFFER, painter->vertex_buffer);
   gl->BufferData(GL_ARRAY_BUFFER, FUM_GL_MOST_BILLBOARDS * (GLsizeiptr)sizeof(fum_billboard), NULL, GL_STREAM_DRAW);
-  gl->VertexAttribPointer(0, 4, GL_FLOAT, GL_FALSE, sizeof(fum_billboard),
-                          (const void *)offsetof(fum_billboard, center));
-  gl->VertexAttribPointer(1, 4, GL_FLOAT, GL_FALSE, sizeof(fum_billboard),
-                          (const void *)offsetof(fum_billboard, optical_depth));
-  gl->EnableVertexAttribArray(0);
-  gl->EnableVertexAttribArray(1);
+  fum_gl_attach_billboards(gl);
 }
 
 /* What billboards with maps need beside: the program, and room for how maps are seen. */
@@ -49,7 +44,7 @@ static int32_t prepare_maps(fum_gl_painter *painter, fum_gl_error *error) {
   const fum_gl_functions *gl = &painter->gl;
   fum_gl_program program = {0};
   if (painter->mapped_program.program != 0) return FUM_OK;
-  const int32_t status = fum_gl_program_create(&program, gl, true, error);
+  const int32_t status = fum_gl_program_create(&program, gl, FUM_GL_MAPPED, error);
   if (status != FUM_OK) return status;
   gl->GenBuffers(1, &painter->look_buffer);
   gl->BindBuffer(GL_ARRAY_BUFFER, painter->look_buffer);
@@ -159,7 +154,7 @@ int32_t fum_gl_painter_open(fum_gl_painter *painter, fum_gl_error *error) {
   if (status != FUM_OK) return status;
   if ((status = fum_gl_functions_load(&painter->gl, &painter->egl, error)) != FUM_OK) goto done;
   query_device(painter);
-  if ((status = fum_gl_program_create(&painter->program, &painter->gl, false, error)) != FUM_OK) goto done;
+  if ((status = fum_gl_program_create(&painter->program, &painter->gl, FUM_GL_PLAIN, error)) != FUM_OK) goto done;
   create_vertex_array(painter);
   create_target(painter);
   if ((status = fum_gl_check(&painter->gl, "making buffers", error)) != FUM_OK) goto done;
@@ -206,6 +201,8 @@ static void note_speed(fum_gl_painter *painter, double fragments, double seconds
 static int32_t draw_batch(fum_gl_painter *painter, const fum_gl_job *job, const fum_gl_tile *tile,
                           const fum_gl_batch *batch, fum_gl_error *error) {
   const fum_gl_functions *gl = &painter->gl;
+  if (job->frame->blur != NULL) fum_gl_smear_upload(&painter->smear, gl, job->frame->blur, batch->first, batch->count);
+  gl->BindBuffer(GL_ARRAY_BUFFER, painter->vertex_buffer);
   gl->BufferSubData(GL_ARRAY_BUFFER, 0, batch->count * (GLsizeiptr)sizeof(fum_billboard),
                     job->billboards + batch->first);
   if (job->frame->maps != NULL) {
@@ -249,8 +246,11 @@ static int32_t draw_tile(fum_gl_painter *painter, const fum_gl_job *job, const f
   const fum_gl_functions *gl = &painter->gl;
   int32_t status = upload_solids(painter, job->frame, tile, error);
   if (status != FUM_OK) return status;
-  fum_gl_program_set_tile(job->frame->maps != NULL ? &painter->mapped_program : &painter->program, gl, job->frame,
-                          tile);
+  const bool is_blurred = job->frame->blur != NULL, has_maps = job->frame->maps != NULL;
+  fum_gl_program_set_tile(is_blurred ? &painter->smear.program
+                          : has_maps ? &painter->mapped_program
+                                     : &painter->program,
+                          gl, job->frame, tile);
   gl->Viewport(0, 0, tile->width, tile->height);
   gl->Disable(GL_SCISSOR_TEST);
   gl->Clear(GL_COLOR_BUFFER_BIT);
@@ -265,6 +265,17 @@ static int32_t draw_tile(fum_gl_painter *painter, const fum_gl_job *job, const f
   return read_tile(painter, job, tile, error);
 }
 
+/* Makes the shaders and buffers current that the picture is drawn with. */
+static int32_t begin(fum_gl_painter *painter, const fum_frame *frame, fum_gl_error *error) {
+  if (frame->blur != NULL) {
+    return fum_gl_smear_begin(&painter->smear, &painter->gl, frame->blur, painter->vertex_buffer,
+                              FUM_GL_MOST_BILLBOARDS, error);
+  }
+  painter->gl.BindVertexArray(painter->vertex_array);
+  painter->gl.BindBuffer(GL_ARRAY_BUFFER, painter->vertex_buffer);
+  return use_maps(painter, frame->maps, error);
+}
+
 int32_t fum_gl_painter_draw(fum_gl_painter *painter, const fum_gl_job *job, fum_gl_error *error) {
   enum { TILE_PIXELS = 1 << 24 }; /* 256 MiB on the device */
   const fum_frame *frame = job->frame;
@@ -275,7 +286,7 @@ int32_t fum_gl_painter_draw(fum_gl_painter *painter, const fum_gl_job *job, fum_
   const int32_t rows = (frame->height + tile_height - 1) / tile_height;
   const double tile_share = 1.0 / ((double)columns * rows);
   int32_t status = resize_target(painter, tile_width, tile_height, error);
-  if (status == FUM_OK) status = use_maps(painter, frame->maps, error);
+  if (status == FUM_OK) status = begin(painter, frame, error);
   for (int32_t i = 0; i < columns * rows && status == FUM_OK; i++) {
     const int32_t x = i % columns * tile_width, y = i / columns * tile_height;
     const fum_gl_tile tile = {.x = x,

@@ -4,12 +4,13 @@
 #define FUM_BILLBOARD_GL_PAINTER_H
 
 #include "base/context.h"
-#include "billboard/gl_program.h"
+#include "billboard/gl_smear.h"
 
 typedef struct fum_gl_painter {
   fum_egl egl;
   fum_gl_functions gl;
   fum_gl_program program, mapped_program; /* the second is made when first needed: program 0 before */
+  fum_gl_smear smear;
   GLuint vertex_array, vertex_buffer, look_buffer, framebuffer, color_buffer, solid_texture, map_texture;
   int32_t target_width, target_height, solid_width, solid_height; /* as allocated; 0: not yet */
   int32_t largest_side, largest_texture;                          /* of a target and of a texture, pixels */

@@ -3,22 +3,30 @@
 
 /* The files in shaders/, see CMakeLists.txt. */
 extern const char fum_shader_billboard_vert[], fum_shader_billboard_geom[], fum_shader_billboard_frag[];
+extern const char fum_shader_smear_vert[], fum_shader_smear_geom[], fum_shader_smear_frag[];
+extern const char fum_shader_outline_glsl[], fum_shader_normal_glsl[];
 
-static int32_t attach_shader(GLuint program, const fum_gl_functions *gl, GLenum stage, const char *name,
-                             const char *source, bool has_maps, fum_gl_error *error) {
+/* A shader: what it shares with others, and its own. */
+typedef struct shader {
+  GLenum stage;
+  const char *name, *shared, *source;
+} shader;
+
+static int32_t attach_shader(GLuint program, const fum_gl_functions *gl, const shader *from, bool has_maps,
+                             fum_gl_error *error) {
   GLint compiled = GL_FALSE;
-  const char *parts[] = {"#version 330 core\n", has_maps ? "#define MAPS\n" : "", source};
-  const GLuint shader = gl->CreateShader(stage);
-  gl->ShaderSource(shader, 3, parts, NULL);
-  gl->CompileShader(shader);
-  gl->GetShaderiv(shader, GL_COMPILE_STATUS, &compiled);
+  const GLuint id = gl->CreateShader(from->stage);
+  const char *sources[] = {"#version 330 core\n", has_maps ? "#define MAPS\n" : "", from->shared, from->source};
+  gl->ShaderSource(id, sizeof sources / sizeof *sources, sources, NULL);
+  gl->CompileShader(id);
+  gl->GetShaderiv(id, GL_COMPILE_STATUS, &compiled);
   if (!compiled) {
     char log[512] = "";
-    gl->GetShaderInfoLog(shader, sizeof log, NULL, log);
-    return fum_gl_error_set(error, FUM_ERROR_DEVICE, "the OpenGL driver refuses the shader %s: %s", name, log);
+    gl->GetShaderInfoLog(id, sizeof log, NULL, log);
+    return fum_gl_error_set(error, FUM_ERROR_DEVICE, "the OpenGL driver refuses the shader %s: %s", from->name, log);
   }
-  gl->AttachShader(program, shader);
-  gl->DeleteShader(shader);
+  gl->AttachShader(program, id);
+  gl->DeleteShader(id);
   return FUM_OK;
 }
 
@@ -35,17 +43,18 @@ static void find_uniforms(fum_gl_program *program, const fum_gl_functions *gl) {
   program->maps = gl->GetUniformLocation(program->program, "maps");
 }
 
-int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, bool has_maps, fum_gl_error *error) {
-  const struct {
-    GLenum stage;
-    const char *name, *source;
-  } shaders[] = {{GL_VERTEX_SHADER, "billboard.vert", fum_shader_billboard_vert},
-                 {GL_GEOMETRY_SHADER, "billboard.geom", fum_shader_billboard_geom},
-                 {GL_FRAGMENT_SHADER, "billboard.frag", fum_shader_billboard_frag}};
+int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, fum_gl_kind kind,
+                              fum_gl_error *error) {
+  const shader plain[] = {{GL_VERTEX_SHADER, "billboard.vert", "", fum_shader_billboard_vert},
+                          {GL_GEOMETRY_SHADER, "billboard.geom", fum_shader_outline_glsl, fum_shader_billboard_geom},
+                          {GL_FRAGMENT_SHADER, "billboard.frag", fum_shader_normal_glsl, fum_shader_billboard_frag}};
+  const shader smeared[] = {{GL_VERTEX_SHADER, "smear.vert", "", fum_shader_smear_vert},
+                            {GL_GEOMETRY_SHADER, "smear.geom", fum_shader_outline_glsl, fum_shader_smear_geom},
+                            {GL_FRAGMENT_SHADER, "smear.frag", fum_shader_normal_glsl, fum_shader_smear_frag}};
   program->program = gl->CreateProgram();
-  for (size_t i = 0; i < sizeof shaders / sizeof *shaders; i++) {
-    const int32_t status =
-        attach_shader(program->program, gl, shaders[i].stage, shaders[i].name, shaders[i].source, has_maps, error);
+  for (int i = 0; i < 3; i++) {
+    const int32_t status = attach_shader(program->program, gl, kind == FUM_GL_SMEARED ? &smeared[i] : &plain[i],
+                                         kind == FUM_GL_MAPPED, error);
     if (status != FUM_OK) return status;
   }
   GLint linked = GL_FALSE;

@@ -18,10 +18,14 @@ typedef struct fum_gl_program {
 } fum_gl_program;
 
 /* Texture units. */
-enum { FUM_GL_SOLIDS_UNIT = 0, FUM_GL_MAPS_UNIT = 1 };
+enum { FUM_GL_SOLIDS_UNIT = 0, FUM_GL_MAPS_UNIT = 1, FUM_GL_BOKEH_UNIT = 2 };
 
-/* Compiles and links the shaders built into the library, for billboards with maps or without. */
-int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, bool has_maps, fum_gl_error *error);
+/* Billboards as they are, with maps, or smeared. */
+typedef enum fum_gl_kind { FUM_GL_PLAIN, FUM_GL_MAPPED, FUM_GL_SMEARED } fum_gl_kind;
+
+/* Compiles and links the shaders built into the library. */
+int32_t fum_gl_program_create(fum_gl_program *program, const fum_gl_functions *gl, fum_gl_kind kind,
+                              fum_gl_error *error);
 
 /* Makes the program current and tells it what it needs to know about a tile of a frame. */
 void fum_gl_program_set_tile(const fum_gl_program *program, const fum_gl_functions *gl, const fum_frame *frame,

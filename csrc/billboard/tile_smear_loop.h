@@ -148,29 +148,29 @@ typedef struct image {
 static image find_image(const tile *t, const fum_splat *s, const fum_smear *smear, int32_t part, int32_t parts) {
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float share = ((float)part + 0.5F) / (float)parts - 0.5F;
-  float c[3], squared = 0.0F;
+  float c[3], slopes[2], across[2];
   for (int axis = 0; axis < 3; axis++)
     c[axis] = smear->center[axis] + share * smear->path[axis];
   image i = {.depth = is_perspective ? -c[2] : 1.0F, .range = -c[2]};
   i.u = c[0] / i.depth;
   i.v = c[1] / i.depth;
-  /* What is left of the motion makes it wider. */
-  for (int axis = 0; axis < 2; axis++) {
-    const float slope = is_perspective ? (axis == 0 ? i.u : i.v) : 0.0F;
-    const float across = (smear->path[axis] + slope * smear->path[2]) / (float)parts;
-    squared += across * across / 24.0F;
-  }
-  /* Seen at an angle it is an ellipse in the plane of its depth; a circle of the same area stands for it. Rays come
-   * from a point: the nearer it is, the larger. */
-  const float distance = c[0] * c[0] + c[1] * c[1] + c[2] * c[2], width = s->width * s->width;
-  const float length = is_perspective ? sqrtf(1.0F + i.u * i.u + i.v * i.v) : 1.0F;
-  const float near = is_perspective ? 1.0F + fum_min(4.0F * width / distance, 1.0F) : 1.0F;
-  const float area = width * length * near, whole = area + squared * length;
+  slopes[0] = is_perspective ? i.u : 0.0F;
+  slopes[1] = is_perspective ? i.v : 0.0F;
+  for (int axis = 0; axis < 2; axis++)
+    across[axis] = (smear->path[axis] + slopes[axis] * smear->path[2]) / (float)parts;
+  /* In the plane of its depth a Gaussian seen at an angle is longer towards the middle of the picture; rays come from a
+   * point: the nearer it is, the larger. What is left of the motion makes it longer, too. */
+  const float distance = c[0] * c[0] + c[1] * c[1] + c[2] * c[2], squared = s->width * s->width;
+  const float near = is_perspective ? 1.0F + fum_min(4.0F * squared / distance, 1.0F) : 1.0F;
+  const float width = squared * near, length = 1.0F + slopes[0] * slopes[0] + slopes[1] * slopes[1];
+  const double variances[3] = {(double)(width * (1.0F + slopes[0] * slopes[0]) + across[0] * across[0] / 12.0F),
+                               (double)(width * slopes[0] * slopes[1] + across[0] * across[1] / 12.0F),
+                               (double)(width * (1.0F + slopes[1] * slopes[1]) + across[1] * across[1] / 12.0F)};
+  const double confusion = fum_smear_confusion(t->job->smears, smear, (double)(-share * smear->path[2]));
   const float along = smear->path[2] / (float)parts;
-  i.place = fum_bokeh_at(t->job->bokeh, fum_smear_confusion(t->job->smears, smear, (double)(-share * smear->path[2])),
-                         (double)sqrtf(whole));
-  i.optical_depth = s->optical_depth * i.place.peak * area / (whole * (float)parts);
-  i.inverse_deviation = 1.0F / sqrtf(s->sigma * s->sigma + along * along * (length * length / 12.0F));
+  i.place = fum_bokeh_at(t->job->bokeh, confusion, variances);
+  i.optical_depth = s->optical_depth * i.place.density * width * sqrtf(length) / (float)parts;
+  i.inverse_deviation = 1.0F / sqrtf(s->sigma * s->sigma + along * along * (length / 12.0F));
   return i;
 }
 
@@ -195,11 +195,12 @@ static fum_vf look_up(const fum_bokeh *bokeh, int32_t level, fum_vf x, fum_vf y)
 static void add_image(const tile *t, const fum_splat *s, const image *i, const patch *p, const float *look,
                       float *slabs) {
   const fum_bokeh *bokeh = t->job->bokeh;
-  const float scale = i->depth * i->place.per_metre;
+  const float *m = i->place.units;
   for (int32_t n = 0; n < p->count; n++) {
     for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
       const int32_t pixel = p->blocks[n] + k;
-      const fum_vf x = (fum_vf_load(t->u + pixel) - i->u) * scale, y = (fum_vf_load(t->v + pixel) - i->v) * scale;
+      const fum_vf e = (fum_vf_load(t->u + pixel) - i->u) * i->depth, f = (fum_vf_load(t->v + pixel) - i->v) * i->depth;
+      const fum_vf x = e * m[0] + f * m[1], y = e * m[1] + f * m[2];
       const fum_vf first = look_up(bokeh, i->place.level, x, y), next = look_up(bokeh, i->place.level + 1, x, y);
       const fum_vf depth = i->optical_depth * (first + (next - first) * i->place.blend);
       if (fum_vi_bits(depth > 0.0F) == 0) continue;

@@ -329,7 +329,11 @@ typedef struct fum_settings {
 
 FUM_API void fum_settings_init(fum_settings *settings);
 
-/** A pinhole or orthographic camera looking along its local -Z. */
+/**
+ * A camera looking along its local -Z. Blurred by its shutter or aperture, each particle is drawn with the mean of its
+ * optical depth over both; dense ones with less, so that the mean of what they hide stays. It is lit where it stands
+ * now. Solids, and the passes of depth, aren't blurred.
+ */
 typedef struct fum_camera {
   uint32_t struct_size;
   int32_t type;                 /**< FUM_CAMERA_; default perspective */
@@ -422,11 +426,11 @@ FUM_API int32_t fum_render(fum_scene *scene, const fum_camera *camera, const fum
                            const fum_pass_buffer *passes, fum_render_stats *out_stats);
 
 /**
- * How well one picture shows the blur of a camera's shutter and aperture, each particle with the mean optical depth that
- * it has on its way and over the aperture: the error of the picture's opacity that comes of taking this mean, found in
- * some pixels by rays at times and through places of the aperture, relative to the opacity (root mean squares). Solids
- * stand still. `*out_error` is that error, `*out_samples` (1..64) how many pictures with a part of the shutter and of
- * the aperture each have a mean that is within the settings' tolerance. `settings` may be NULL.
+ * How well one picture shows the blur of a camera's shutter and aperture, each particle with the mean optical depth
+ * that it has on its way and over the aperture: the error of the picture's opacity that comes of taking this mean,
+ * found in some pixels by rays at times and through places of the aperture, relative to the opacity (root mean
+ * squares). Solids stand still. `*out_error` is that error, `*out_samples` (1..64) how many pictures with a part of the
+ * shutter and of the aperture each have a mean that is within the settings' tolerance. `settings` may be NULL.
  */
 FUM_API int32_t fum_blur_measure(fum_scene *scene, const fum_camera *camera, const fum_settings *settings,
                                  double *out_error, int32_t *out_samples);

@@ -26,7 +26,7 @@ static float respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
 }
 
 int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, const fum_lamps *lamps,
-                      const fum_viewpoint *viewpoint, float *out_light) {
+                      const fum_viewpoint *viewpoint, float *const *by_light, float *out_light) {
   fum_context *context = scene->context;
   const fum_octree *octree = gathering->receivers->octree;
   viewer who = {0, scene, octree, viewpoint};
@@ -40,6 +40,7 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
   int32_t status = fum_alloc(context, octree->count, sizeof *factors, "lighting", &factors);
   for (fum_lamp_walk walk = {0}; fum_lamps_walk(lamps, &walk) && status == FUM_OK;) {
     const float *color = walk.lamp.color;
+    float *own = by_light != NULL ? by_light[walk.lamp.light] : NULL, *out = own != NULL ? own : out_light;
     const float from = (float)samples_done / (float)total_samples;
     samples_done += walk.lamp.sample_count;
     if (!walk.lamp.lights_smoke || (color[0] <= 0.0F && color[1] <= 0.0F && color[2] <= 0.0F)) continue;
@@ -50,7 +51,7 @@ int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, co
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
     for (int64_t i = 0; i < octree->count; i++) {
       for (int c = 0; c < 3; c++)
-        out_light[3 * i + c] += color[c] * factors[i];
+        out[3 * i + c] += color[c] * factors[i];
     }
   }
   fum_free(context, &factors);

@@ -49,9 +49,12 @@ static double value_at(const fum_bokeh *b, int32_t level, double x, double y) {
 }
 
 static double look_up(const fum_bokeh *b, double confusion, double width, double x, double y) {
-  const fum_bokeh_place p = fum_bokeh_at(b, confusion, width);
-  const double u = x * (double)p.per_metre, v = y * (double)p.per_metre, blend = (double)p.blend;
-  return (double)p.peak * (value_at(b, p.level, u, v) * (1.0 - blend) + value_at(b, p.level + 1, u, v) * blend);
+  const double squared = width * width, variances[3] = {squared, 0.0, squared};
+  const fum_bokeh_place p = fum_bokeh_at(b, confusion, variances);
+  const double u = x * (double)p.units[0] + y * (double)p.units[1];
+  const double v = x * (double)p.units[1] + y * (double)p.units[2], blend = (double)p.blend;
+  return (double)p.density * squared *
+         (value_at(b, p.level, u, v) * (1.0 - blend) + value_at(b, p.level + 1, u, v) * blend);
 }
 
 /* At any ratio of confusion and width, on lines in many directions: within a hundredth of the peak. */
