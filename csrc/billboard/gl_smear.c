@@ -30,7 +30,6 @@ static int32_t open_smear(fum_gl_smear *smear, const fum_gl_functions *gl, GLuin
   gl->BindTexture(GL_TEXTURE_2D, smear->bokeh_texture);
   gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   gl->TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  gl->Uniform1i(gl->GetUniformLocation(smear->program.program, "bokeh_values"), FUM_GL_BOKEH_UNIT);
   smear->is_open = true;
   return fum_gl_check(gl, "making buffers for motion", error);
 }
@@ -45,6 +44,7 @@ static void set_blur(const fum_gl_smear *smear, const fum_gl_functions *gl, cons
     levels[3 * i + 1] = (float)bokeh->levels[i].side;
     levels[3 * i + 2] = bokeh->levels[i].per_unit;
   }
+  gl->Uniform1i(gl->GetUniformLocation(program, "bokeh_values"), FUM_GL_BOKEH_UNIT);
   gl->Uniform1f(gl->GetUniformLocation(program, "confusion_per_depth"), blur->confusion_per_depth);
   gl->Uniform2f(gl->GetUniformLocation(program, "aperture"), blur->extent, bokeh->variance);
   gl->Uniform3fv(gl->GetUniformLocation(program, "bokeh_levels"), FUM_BOKEH_LEVELS, levels);

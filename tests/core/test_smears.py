@@ -107,7 +107,7 @@ def seen_from(view: core.Camera, x: float, y: float) -> core.Camera:
     return core.Camera.from_window(matrix, window, view.width, view.height, view.type, view.clip)
 
 
-def mean_over_lens(particles: dict[str, object], view: core.Camera, count: int = 800) -> Picture:
+def mean_over_lens(particles: dict[str, object], view: core.Camera, count: int = 500) -> Picture:
     scene = scene_of(particles)
     pictures = [draw(scene, seen_from(view, x, y)) for x, y in lens_points(view.aperture, count)]
     return sum(pictures) / len(pictures)
@@ -219,14 +219,17 @@ APERTURES = {
 }
 
 
-@pytest.mark.parametrize("focus", [3.0, 5.7, 12.0])
-@pytest.mark.parametrize("aperture", APERTURES)
+@pytest.mark.parametrize(
+    ("aperture", "focus"),
+    [("round", 3.0), ("round", 12.0), ("triangle", 3.0), ("triangle", 12.0), ("pentagon", 5.7), ("narrow", 12.0)]
+    + [("narrow and turned", 3.0)],
+)
 def test_depth_of_field_is_the_mean_over_the_lens(aperture: str, focus: float) -> None:
     """Before the focus the aperture's image is upside down, behind it as the aperture is."""
     view = camera().blurred(aperture=dataclasses.replace(APERTURES[aperture], focus=focus))
     particles = cloud(20, depth=0.005)
     found, expected = draw(scene_of(particles), view), mean_over_lens(particles, view)
-    assert differ(found, expected) < 1.2e-2
+    assert differ(found, expected) < 1.8e-2  # half of it is what 500 points are off by
     assert depth_of(found).sum() == pytest.approx(depth_of(expected).sum(), rel=1.5e-3)
 
 
@@ -362,3 +365,36 @@ def test_passes_that_need_light_at_the_pixels_say_so() -> None:
     for name in ("Error", "Solid Shadow"):
         with pytest.raises(core.FumaroleError, match="motion blur"):
             core.render(scene, BLURRED, passes=("Combined", name))
+
+
+def test_maps_are_not_seen_in_smears() -> None:
+    """A warning names the object; the pass Albedo, drawn anew, is drawn without them as well."""
+    described = cloud(20, 0.5) | {"velocity": (2.0, 0, 0), "map": np.full((4, 4, 4), 0.5), "name": "leaves"}
+    for device in ("TILES", "GL"):
+        result = core.render(scene_of(described), BLURRED, core.Settings(device=device), ("Combined", "Albedo"))
+        assert any("leaves" in warning and "map" in warning for warning in result.warnings)
+
+
+@pytest.mark.parametrize("type", ["PERSPECTIVE", "ORTHOGRAPHIC"])
+@pytest.mark.parametrize("blur", ["motion", "long motion", "lens", "both"])
+def test_opengl_draws_what_tiles_draw(blur: str, type: str) -> None:
+    velocity = {"motion": (0.8, 0.3, 0.5), "long motion": (5.0, 1.0, 0), "lens": (0, 0, 0), "both": (1.0, 0.5, 0.5)}[blur]
+    shutter = (0, 0) if blur == "lens" else (-0.25, 0.25)
+    aperture = core.Aperture(0.3, 4.0, 5, 0.3, 1.5) if blur in ("lens", "both") else core.Aperture()
+    view = camera(type=type, ortho_scale=4.0).blurred(shutter, aperture)
+    scene = scene_of(cloud(20, 0.005) | {"velocity": velocity})
+    found = draw(scene, view, dataclasses.replace(FINE, device="GL"))
+    assert differ(found, draw(scene, view)) < 1e-3
+
+
+def test_opengl_draws_tiles_and_batches_of_smears() -> None:
+    """A wide picture of many particles, passes drawn anew, and sharp pictures before and after."""
+    settings = core.Settings(device="GL")
+    scene = lit_cloud(2000, 0.02, (1.0, 0.5, 0))
+    sharp_one = core.render(scene, camera(), settings)["Combined"]
+    view = camera(width=300, height=200).blurred((-0.25, 0.25), core.Aperture(0.1, 5.0, 6))
+    result = core.render(scene, view, settings, ("Combined", "Albedo"))
+    expected = core.render(scene, view, core.Settings(device="TILES"), ("Combined", "Albedo"))
+    for name in ("Combined", "Albedo"):
+        assert differ(result[name], expected[name]) < 5e-3
+    assert (core.render(scene, camera(), settings)["Combined"] == sharp_one).all()
