@@ -115,7 +115,9 @@ static void smear_splat(const lens *l, const fum_smear *m, fum_splat *splat, fum
   }
   splat->rim = INFINITY;
   fum_streak_ranges(l->view, smears, m, (double)splat->reach, width, ranges);
-  find_slabs(l->slabs, (float)ranges[0], (float)ranges[1], splat);
+  for (int k = 0; k < 2; k++)
+    streak->ranges[k] = (float)ranges[k];
+  find_slabs(l->slabs, streak->ranges[0], streak->ranges[1], splat);
   const double share = fum_streak_share(l->view, smears, m, width), depth = (double)splat->optical_depth;
   if (depth > 0.0) splat->optical_depth = (float)(fum_dust_widened(depth, sqrt(share)) / share);
 }

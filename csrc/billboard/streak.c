@@ -100,12 +100,24 @@ static void find_extents(const fum_view *view, const path_end ends[2], int axis,
   }
 }
 
+/* Square of the short axis over the long one of the ellipse that an end looks like, where pixels are square; else 0.
+ * The squares of both axes add up to those of its box. */
+static double squared_aspect(const fum_view *view, const path_end *end) {
+  const double *w = view->window, wide = (w[1] - w[0]) / view->width, high = (w[3] - w[2]) / view->height;
+  const double aside = end->at[0] * end->at[0] + end->at[1] * end->at[1], depth = end->at[2] * end->at[2];
+  const double radius = end->radius * end->radius;
+  if (fabs(wide - high) > 1e-6 * wide) return 0.0;
+  if (view->type != FUM_CAMERA_PERSPECTIVE) return 1.0;
+  return depth > radius ? (depth - radius) / (aside + depth - radius) : 0.0;
+}
+
 bool fum_streak_find(const fum_view *view, const fum_smears *smears, const fum_smear *smear, double radius,
                      double beyond, double out_box[2][2], fum_streak *out) {
   const int32_t sides[2] = {view->width, view->height};
   double shares[2], squared[2] = {0.0, 0.0};
   if (!clip(view, smear, radius, shares)) return false;
   const path_end ends[2] = {find_end(smears, smear, shares[0], radius), find_end(smears, smear, shares[1], radius)};
+  const double aspect[2] = {squared_aspect(view, &ends[0]), squared_aspect(view, &ends[1])};
   bool is_whole = false; /* too near to the camera for a streak: its box is looked at as a whole */
   for (int axis = 0; axis < 2; axis++) {
     const double *edges = view->window + 2 * axis, per_unit = (double)sides[axis] / (edges[1] - edges[0]);
@@ -118,7 +130,7 @@ bool fum_streak_find(const fum_view *view, const fum_smears *smears, const fum_s
       }
       out->ends_px[end][axis] = (float)(0.5 * (px[end][0] + px[end][1]));
       const double half = 0.5 * (px[end][1] - px[end][0]);
-      squared[end] += half * half;
+      squared[end] += half * half / (1.0 + aspect[end]);
     }
     const double first = fmin(px[0][0], px[1][0]), last = fmax(px[0][1], px[1][1]);
     if ((last - first < 1.0 && ceil(first) > floor(last)) || last < 0.0 || first > (double)(sides[axis] - 1))

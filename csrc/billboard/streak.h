@@ -15,6 +15,7 @@ typedef struct fum_streak {
   int32_t kind;
   float ends_px[2][2]; /* pixels from the centre of the first one */
   float radius_px;     /* around the line between them */
+  float ranges[2];     /* along the rays, in an orthographic view depths, between which all of it lies */
 } fum_streak;
 
 /* Is a pixel nearer to the streak than `margin` pixels? */

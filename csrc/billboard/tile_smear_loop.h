@@ -39,6 +39,78 @@ static void cut_into_slabs(const tile *t, const fum_splat *s, int32_t pixel, fum
   }
 }
 
+enum { BLOCK_VECTORS = FUM_BLOCK_PIXELS / FUM_LANES };
+
+/* What the pixels of a block see of a splat. */
+typedef struct block_sight {
+  fum_vf depths[BLOCK_VECTORS];
+  whereabouts at[BLOCK_VECTORS];
+} block_sight;
+
+/* Means over a block, weighted with optical depth: range and inverse deviation. False if nothing is seen. */
+static bool find_means(const block_sight *b, float *out_range, float *out_inverse) {
+  float sum = 0.0F, range = 0.0F, inverse = 0.0F;
+  for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+    sum += fum_vf_sum(b->depths[k]);
+    range += fum_vf_sum(b->depths[k] * b->at[k].range);
+    inverse += fum_vf_sum(b->depths[k] * b->at[k].inverse_deviation);
+  }
+  if (!(sum > 0.0F)) return false;
+  *out_range = range / sum;
+  *out_inverse = inverse / sum;
+  return true;
+}
+
+/* The same for a block of pixels that is clear of every cut: shares of its mean, and how they change with the range
+ * from pixel to pixel. */
+static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, const block_sight *b, const float *look,
+                      float *slabs, share *shares) {
+  const float unseen = 1e-6F;
+  const int32_t first = s->first_slab - t->first_slab, count = s->last_slab - s->first_slab + 1;
+  const float *ends = t->ranges + first + 1;
+  float range, inverse;
+  if (!find_means(b, &range, &inverse)) return;
+  for (int32_t j = 0; j < count; j += FUM_LANES) {
+    const fum_vf z = (fum_vf_load(ends + j) - range) * inverse, tail = fum_vf_normal_tail(fum_vf_abs(z));
+    fum_vf_store(shares->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
+    fum_vf_store(shares->change + j,
+                 -0.39894228F * inverse * fum_vf_exp2(vf_max(z * z * -HALF_LOG2_E, fum_vf_set(-200.0F))));
+  }
+  shares->of[count - 1] = 1.0F;
+  shares->change[count - 1] = 0.0F;
+  float of = 0.0F, change = 0.0F;
+  for (int32_t j = 0; j < count; j++) {
+    const float part = shares->of[j] - of, bend = shares->change[j] - change;
+    of = shares->of[j];
+    change = shares->change[j];
+    if (part < unseen) continue;
+    float *at = slabs + (first + j) * slab_stride(t) + first_pixel;
+    for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+      const fum_vf here = part + (b->at[k].range - range) * bend;
+      deposit(t, at + k * FUM_LANES, b->depths[k] * vf_max(here, ZERO), look);
+    }
+  }
+}
+
+/* Whether a splat's slabs are all between the near plane and what hides it, for all of the tile's pixels. */
+static bool is_clear_of_cuts(const tile *t, uint32_t index) {
+  const float *ranges = t->job->splats->streaks[index].ranges;
+  return ranges[0] > t->farthest_near && ranges[1] < t->nearest_far;
+}
+
+static void add_block(const tile *t, uint32_t index, int32_t first_pixel, const block_sight *b, const float *look,
+                      float *slabs, share *shares) {
+  const fum_splat *s = &t->job->splats->splats[index];
+  if (is_clear_of_cuts(t, index)) {
+    cut_block(t, s, first_pixel, b, look, slabs, shares);
+    return;
+  }
+  for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+    if (fum_vi_bits(b->depths[k] > 0.0F) == 0) continue;
+    cut_into_slabs(t, s, first_pixel + k * FUM_LANES, b->depths[k], &b->at[k], look, slabs);
+  }
+}
+
 /* ---- Motion ------------------------------------------------------------------------------------------------------ */
 
 /* A Gaussian on its way from -path/2 to path/2 around its centre, lengths in its widths. */
@@ -121,17 +193,18 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
   return fum_vf_select(distance > w->footprint * w->footprint, ZERO, mean);
 }
 
-static void add_sweep(const tile *t, const fum_splat *s, const fum_smear *smear, const patch *p, const float *look,
-                      float *slabs) {
-  const sweep w = find_sweep(t, s, smear);
+static void add_sweep(const tile *t, uint32_t index, const patch *p, const float *look, float *slabs) {
+  const sweep w = find_sweep(t, &t->job->splats->splats[index], &t->job->smears->items[index]);
+  block_sight b;
+  share shares;
   for (int32_t n = 0; n < p->count; n++) {
-    for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
-      const int32_t pixel = p->blocks[n] + k;
-      const passing passes = find_passing(t, &w, pixel);
-      whereabouts at;
-      const fum_vf depth = w.optical_depth * find_mean(&w, &passes, &at);
-      if (fum_vi_bits(depth > 0.0F) != 0) cut_into_slabs(t, s, pixel, depth, &at, look, slabs);
+    uint32_t seen = 0;
+    for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+      const passing passes = find_passing(t, &w, p->blocks[n] + k * FUM_LANES);
+      b.depths[k] = w.optical_depth * find_mean(&w, &passes, &b.at[k]);
+      seen |= fum_vi_bits(b.depths[k] > 0.0F);
     }
+    if (seen != 0) add_block(t, index, p->blocks[n], &b, look, slabs, &shares);
   }
 }
 
@@ -192,40 +265,42 @@ static fum_vf look_up(const fum_bokeh *bokeh, int32_t level, fum_vf x, fum_vf y)
   return fum_vf_select(is_within, below + (above - below) * up, ZERO);
 }
 
-static void add_image(const tile *t, const fum_splat *s, const image *i, const patch *p, const float *look,
-                      float *slabs) {
+static void add_image(const tile *t, uint32_t index, const image *i, const patch *p, const float *look, float *slabs) {
   const fum_bokeh *bokeh = t->job->bokeh;
   const float *m = i->place.units;
+  block_sight b;
+  share shares;
   for (int32_t n = 0; n < p->count; n++) {
-    for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
-      const int32_t pixel = p->blocks[n] + k;
+    uint32_t seen = 0;
+    for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+      const int32_t pixel = p->blocks[n] + k * FUM_LANES;
       const fum_vf e = (fum_vf_load(t->u + pixel) - i->u) * i->depth, f = (fum_vf_load(t->v + pixel) - i->v) * i->depth;
       const fum_vf x = e * m[0] + f * m[1], y = e * m[1] + f * m[2];
       const fum_vf first = look_up(bokeh, i->place.level, x, y), next = look_up(bokeh, i->place.level + 1, x, y);
-      const fum_vf depth = i->optical_depth * (first + (next - first) * i->place.blend);
-      if (fum_vi_bits(depth > 0.0F) == 0) continue;
-      const whereabouts at = {i->range / fum_vf_load(t->inverse_length + pixel), fum_vf_set(i->inverse_deviation)};
-      cut_into_slabs(t, s, pixel, depth, &at, look, slabs);
+      b.depths[k] = i->optical_depth * (first + (next - first) * i->place.blend);
+      b.at[k] = (whereabouts){i->range / fum_vf_load(t->inverse_length + pixel), fum_vf_set(i->inverse_deviation)};
+      seen |= fum_vi_bits(b.depths[k] > 0.0F);
     }
+    if (seen != 0) add_block(t, index, p->blocks[n], &b, look, slabs, &shares);
   }
 }
 
 /* Along its path an image is drawn as many times as it is longer than the Gaussian is wide. */
-static void add_images(const tile *t, const fum_splat *s, const fum_smear *smear, const patch *p, const float *look,
-                       float *slabs) {
+static void add_images(const tile *t, uint32_t index, const patch *p, const float *look, float *slabs) {
+  const fum_splat *s = &t->job->splats->splats[index];
+  const fum_smear *smear = &t->job->smears->items[index];
   const float most = 32.0F, *path = smear->path;
   const float length = sqrtf(path[0] * path[0] + path[1] * path[1] + path[2] * path[2]);
   const int32_t parts = (int32_t)fum_max(1.0F, fum_min(most, ceilf(length / s->width)));
   for (int32_t part = 0; part < parts; part++) {
     const image i = find_image(t, s, smear, part, parts);
-    if (i.depth > 0.0F) add_image(t, s, &i, p, look, slabs);
+    if (i.depth > 0.0F) add_image(t, index, &i, p, look, slabs);
   }
 }
 
 static void add_smeared(const tile *t, uint32_t index, const patch *box, const float *look, float *slabs) {
-  const fum_splat *s = &t->job->splats->splats[index];
   const fum_streak *streak = &t->job->splats->streaks[index];
   patch p;
   find_streak_patch(t, streak, box, &p);
-  (streak->kind == FUM_STREAK_SWEPT ? add_sweep : add_images)(t, s, &t->job->smears->items[index], &p, look, slabs);
+  (streak->kind == FUM_STREAK_SWEPT ? add_sweep : add_images)(t, index, &p, look, slabs);
 }
