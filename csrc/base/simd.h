@@ -86,19 +86,6 @@ static inline fum_vf fum_vf_at_least(fum_vf v, float least) {
 #endif
 }
 
-static inline fum_vf fum_vf_gather(const float *values, fum_vi at) {
-#if defined(__AVX512F__) && FUM_LANES == 16
-  return (fum_vf)_mm512_i32gather_ps((__m512i)at, values, 4);
-#elif defined(__AVX2__) && FUM_LANES == 8
-  return (fum_vf)_mm256_i32gather_ps(values, (__m256i)at, 4);
-#else
-  fum_vf v;
-  for (int lane = 0; lane < FUM_LANES; lane++)
-    v[lane] = values[at[lane]];
-  return v;
-#endif
-}
-
 static inline fum_vf fum_vf_abs(fum_vf v) {
   return (fum_vf)((fum_vi)v & 0x7fffffff);
 }
