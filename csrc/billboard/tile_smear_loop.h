@@ -61,15 +61,26 @@ static bool find_means(const block_sight *b, float *out_range, float *out_invers
   return true;
 }
 
+/* Are the block's ranges so close together, against how far each is spread, that a line through their mean is enough?
+ */
+static bool are_close(const block_sight *b, float range, float inverse) {
+  const float most = 0.25F;
+  uint32_t beyond = 0;
+  for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
+    const fum_vf away = fum_vf_abs((b->at[k].range - range) * inverse);
+    const fum_vf changed = fum_vf_abs(b->at[k].inverse_deviation - inverse);
+    beyond |= fum_vi_bits((b->depths[k] > 0.0F) & ((away > most) | (changed > 0.1F * inverse)));
+  }
+  return beyond == 0;
+}
+
 /* The same for a block of pixels that is clear of every cut: shares of its mean, and how they change with the range
  * from pixel to pixel. */
-static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, const block_sight *b, const float *look,
-                      float *slabs, share *shares) {
+static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, const block_sight *b, float range,
+                      float inverse, const float *look, float *slabs, share *shares) {
   const float unseen = 1e-6F;
   const int32_t first = s->first_slab - t->first_slab, count = s->last_slab - s->first_slab + 1;
   const float *ends = t->ranges + first + 1;
-  float range, inverse;
-  if (!find_means(b, &range, &inverse)) return;
   for (int32_t j = 0; j < count; j += FUM_LANES) {
     const fum_vf z = (fum_vf_load(ends + j) - range) * inverse, tail = fum_vf_normal_tail(fum_vf_abs(z));
     fum_vf_store(shares->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
@@ -101,8 +112,10 @@ static bool is_clear_of_cuts(const tile *t, uint32_t index) {
 static void add_block(const tile *t, uint32_t index, int32_t first_pixel, const block_sight *b, const float *look,
                       float *slabs, share *shares) {
   const fum_splat *s = &t->job->splats->splats[index];
-  if (is_clear_of_cuts(t, index)) {
-    cut_block(t, s, first_pixel, b, look, slabs, shares);
+  float range, inverse;
+  if (!find_means(b, &range, &inverse)) return;
+  if (is_clear_of_cuts(t, index) && are_close(b, range, inverse)) {
+    cut_block(t, s, first_pixel, b, range, inverse, look, slabs, shares);
     return;
   }
   for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
