@@ -319,7 +319,7 @@ def test_sharp_samples_spread_as_the_aperture_does(blades: int) -> None:
     assert places.T @ places / 24 == pytest.approx(variance * np.eye(2), abs=1e-9)
 
 
-@pytest.mark.parametrize("density", [8.0])
+@pytest.mark.parametrize("density", [0.2, 8.0])
 @pytest.mark.parametrize("blur_of", ["motion", "lens"])
 def test_as_many_as_it_takes_are_right(density: float, blur_of: str) -> None:
     """Few, dense particles too, which one pass would light wrongly."""
