@@ -44,7 +44,8 @@ static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
   /* Steps' errors grow with the root of the extinction, and maps gather it. */
   const fum_map_traits traits = fum_scene_map_traits(r->scene);
   tolerance /= sqrtf(traits.contrast);
-  int32_t status = fum_slabs_find(r->context, all, &r->view, NULL, tolerance, p->thinnest, &out_light->slabs);
+  const fum_smears *smears = p->smears->items != NULL ? p->smears : NULL;
+  int32_t status = fum_slabs_find(r->context, all, &r->view, smears, tolerance, p->thinnest, &out_light->slabs);
   out_light->slabs.has_holes = traits.has_maps;
   if (status != FUM_OK || out_light->slabs.count == 0) return status;
   return fum_lattice_place(r->context, all, &r->view, &out_light->slabs, p->footprint, tolerance, &out_light->lattice);
@@ -152,8 +153,9 @@ static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_s
 }
 
 /* What is seen of a particle elsewhere than where it stands is lit as it is there: by the light at its own centre, not
- * by that at the pixel. Closer than this to where it stands, in sigmas, these are as good as the same. */
-static const double BLUR_OF_LATTICE = 0.1;
+ * by that at the pixel. Closer than this to where it stands, in sigmas, the pixel's is better: it is known inside of
+ * particles too, and what it is off by on one side of a particle it makes up for on the other. */
+static const double BLUR_OF_LATTICE = 1.5;
 
 static bool is_blurred(const plan *p) {
   return p->smears->items != NULL && p->smears->worst > BLUR_OF_LATTICE;

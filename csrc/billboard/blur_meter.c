@@ -36,18 +36,6 @@ typedef struct meter {
   uint32_t *particles; /* of each pixel, in the octree's order */
 } meter;
 
-/* Where a camera that moves is at a time, in frames from now. */
-static int32_t find_view_at(fum_context *context, const fum_camera *camera, double frames, fum_view *out_view) {
-  fum_camera moved = *camera;
-  const double *matrix = frames < 0.0 ? camera->previous_world_from_camera : camera->next_world_from_camera;
-  const double *window = frames < 0.0 ? camera->previous_window : camera->next_window, share = fabs(frames);
-  for (int i = 0; i < 16 && camera->moves != 0; i++)
-    moved.world_from_camera[i] += share * (matrix[i] - moved.world_from_camera[i]);
-  for (int i = 0; i < 4 && camera->moves != 0; i++)
-    moved.window[i] += share * (window[i] - moved.window[i]);
-  return fum_view_init(context, &moved, out_view);
-}
-
 /* A particle in camera space. */
 typedef struct passing {
   double start[3], move[3], sigma, optical_depth;
@@ -320,7 +308,7 @@ int32_t fum_blur_meter_read(const fum_scene *scene, const fum_octree *octree, co
                            (view->window[3] - view->window[2]) / (double)view->height)};
   int32_t status = FUM_OK;
   for (int k = 0; k < 2 && status == FUM_OK; k++) {
-    status = find_view_at(context, camera, k == 0 ? camera->shutter_open : camera->shutter_close, &m.views[k]);
+    status = fum_view_init_at(context, camera, k == 0 ? camera->shutter_open : camera->shutter_close, &m.views[k]);
     if (status == FUM_OK) fum_view_place(&m.views[k], scene->origin);
   }
   if (status != FUM_OK) return status;

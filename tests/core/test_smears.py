@@ -398,3 +398,12 @@ def test_opengl_draws_tiles_and_batches_of_smears() -> None:
     for name in ("Combined", "Albedo"):
         assert differ(result[name], expected[name]) < 5e-3
     assert (core.render(scene, camera(), settings)["Combined"] == sharp_one).all()
+
+
+def test_maps_that_smears_do_not_have_are_named() -> None:
+    white = np.ones((4, 4, 4))
+    white[..., 3] = np.linspace(0.5, 1.0, 4)
+    scene = core.Scene(core.Context())
+    scene.add_particles([(0, 0, 0)], radius=0.5, density=1.0, emission=1.0, velocity=(1.0, 0, 0), map=white)
+    assert not core.render(scene, camera()).warnings
+    assert "its map isn't seen" in core.render(scene, camera().blurred((-0.25, 0.25))).warnings[0]
