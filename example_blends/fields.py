@@ -129,9 +129,9 @@ class Fields:
         return self._node("GeometryNodePoints", {"Count": count, "Position": position, "Radius": radius}, "Geometry")
 
     def store(self, geometry: Field, name: str, kind: str, value: Field) -> Field:
-        """The geometry with one more attribute, of `kind` "FLOAT" or "INT"."""
+        """The geometry with one more attribute, of `kind` "FLOAT", "INT" or "VECTOR"."""
         node = self.tree.nodes.new("GeometryNodeStoreNamedAttribute")
-        node.data_type = kind
+        node.data_type = "FLOAT_VECTOR" if kind == "VECTOR" else kind
         node.inputs["Name"].default_value = name
         connect(self.tree, node, {"Geometry": geometry, f"Value_{kind.title()}": value})
         return Field(self.tree, node.outputs["Geometry"])

@@ -24,7 +24,8 @@ def add_cloud(name: str, count: int, make: Callable[[Fields], Attributes], mater
     attributes = make(fields)
     points = fields.points(count, attributes["position"], attributes["radius"])
     for key in sorted(attributes.keys() - {"position", "radius"}):
-        points = fields.store(points, key, "INT" if key == "id" else "FLOAT", attributes[key])
+        kind = "INT" if key == "id" else "VECTOR" if attributes[key].is_vector else "FLOAT"
+        points = fields.store(points, key, kind, attributes[key])
     paint = tree.nodes.new("GeometryNodeSetMaterial")
     paint.inputs["Material"].default_value = material
     connect(tree, paint, {"Geometry": points})
