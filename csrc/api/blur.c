@@ -2,6 +2,7 @@
 #include "api/caches.h"
 #include "api/settings.h"
 #include "billboard/blur_meter.h"
+#include "lighting/smears.h"
 
 int32_t fum_blur_measure(fum_scene *scene, const fum_camera *camera, const fum_settings *settings, double *out_error,
                          int32_t *out_samples) {
@@ -12,7 +13,7 @@ int32_t fum_blur_measure(fum_scene *scene, const fum_camera *camera, const fum_s
   int32_t status = fum_settings_check(scene->context, settings, &checked);
   if (status == FUM_OK) status = fum_view_init(scene->context, camera, &view);
   if (status != FUM_OK) return status;
-  if (camera->shutter_open < camera->shutter_close || camera->aperture_radius > 0.0) {
+  if (fum_camera_blurs(camera)) {
     status = fum_caches_update(scene, &checked);
     if (status != FUM_OK) return status;
     fum_view_place(&view, scene->origin);

@@ -3,6 +3,9 @@
 
 #include "base/hash.h"
 #include "billboard/blur_rays.h"
+#include "billboard/dust.h"
+#include "lighting/smears.h"
+#include "scene/aperture.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -19,15 +22,13 @@ static const int32_t PICTURES[LEVELS] = {1, 4, 16};
 /* Sigmas out to which a particle is looked at. */
 static const double FOOTPRINT = 3.0;
 
-/* The smallest sigma that is drawn, in pixels. */
-static const double MIN_SIGMA_PIXELS = 0.6;
-
 typedef struct meter {
   const fum_scene *scene;
   const fum_octree *octree;
   const fum_solids *solids; /* NULL: the camera sees none */
   const fum_camera *camera;
   const fum_view *view;
+  fum_smears smears;
   fum_view views[2];         /* when the shutter opens and closes */
   double aperture[2];        /* half axes of the ellipse that has the aperture's area, m */
   double pixel;              /* side of a pixel at unit depth, or in m */
@@ -63,31 +64,20 @@ static void cover(const meter *m, const double center[3], double sigma, passing 
 }
 
 static passing pass(const meter *m, int64_t rank) {
-  const uint32_t index = m->octree->indices[rank];
-  const fum_particles *set = fum_scene_particles_of(m->scene, index);
-  const float *velocity = set->velocities != NULL ? set->velocities + 3 * (index - set->offset) : (float[3]){0};
-  const double at[3] = {(double)m->octree->x[rank], (double)m->octree->y[rank], (double)m->octree->z[rank]};
-  const double times[2] = {m->camera->shutter_open, m->camera->shutter_close};
-  double ends[2][3];
-  for (int k = 0; k < 2; k++) {
-    double moved[3];
-    for (int axis = 0; axis < 3; axis++)
-      moved[axis] = at[axis] + times[k] * (double)velocity[axis];
-    fum_transform_point(m->views[k].camera_from_local, moved, ends[k]);
-  }
-  passing p = {.sigma = 1.0 / (double)m->octree->inverse_sigmas[rank],
-               .optical_depth = (double)m->octree->optical_depths[rank]};
-  const bool is_perspective = m->view->type == FUM_CAMERA_PERSPECTIVE;
-  const double depth = is_perspective ? fmax(0.0, -0.5 * (ends[0][2] + ends[1][2])) : 1.0;
-  const double width = fmax(p.sigma, MIN_SIGMA_PIXELS * m->pixel * depth);
-  p.optical_depth *= p.sigma * p.sigma / (width * width);
-  p.sigma = width;
+  const fum_smear *smear = &m->smears.items[rank];
+  const double depth = m->view->type == FUM_CAMERA_PERSPECTIVE ? fmax(0.0, -(double)smear->center[2]) : 1.0;
+  const double sigma = 1.0 / (double)m->octree->inverse_sigmas[rank];
+  const double width = fmax(sigma, FUM_MIN_SIGMA_PIXELS * m->pixel * depth);
+  passing p = {.sigma = width,
+               .optical_depth = (double)m->octree->optical_depths[rank] * sigma * sigma / (width * width)};
+  double end[3];
   for (int axis = 0; axis < 3; axis++) {
-    p.start[axis] = ends[0][axis];
-    p.move[axis] = ends[1][axis] - ends[0][axis];
+    p.move[axis] = (double)smear->path[axis];
+    p.start[axis] = (double)smear->center[axis] - 0.5 * p.move[axis];
+    end[axis] = p.start[axis] + p.move[axis];
   }
-  for (int k = 0; k < 2; k++)
-    cover(m, ends[k], p.sigma, &p);
+  cover(m, p.start, width, &p);
+  cover(m, end, width, &p);
   p.is_seen = p.is_seen && p.lower[0] < p.upper[0] && p.lower[1] < p.upper[1];
   return p;
 }
@@ -290,69 +280,82 @@ static opacity look(const meter *m, int32_t pixel, int level, const fum_blur_par
   return all;
 }
 
-int32_t fum_blur_meter_read(const fum_scene *scene, const fum_octree *octree, const fum_solids *solids,
-                            const fum_camera *camera, const fum_view *view, fum_blur_errors *out_errors) {
-  fum_context *context = scene->context;
-  opacity found[LEVELS][PIXELS] = {{{0}}};
-  atomic_bool is_out_of_memory = false;
-  const double blades = (double)camera->aperture_blades;
-  const double area = camera->aperture_blades > 0 ? 0.5 * blades * sin(2.0 * FUM_PI / blades) / FUM_PI : 1.0;
-  const double radius = camera->aperture_radius * sqrt(area);
-  meter m = {.scene = scene,
-             .octree = octree,
-             .solids = fum_solids_hide_from_camera(solids) ? solids : NULL,
-             .camera = camera,
-             .view = view,
-             .aperture = {radius / (double)camera->aperture_ratio, radius},
-             .pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
-                           (view->window[3] - view->window[2]) / (double)view->height)};
+/* Half axes of the ellipse that has the aperture's area and ratio, m. */
+static void find_ellipse(const fum_camera *camera, double out[2]) {
+  const double ratio = (double)camera->aperture_ratio;
+  fum_aperture aperture;
+  fum_aperture_find(camera, &aperture);
+  out[1] = camera->aperture_radius * sqrt(aperture.area * ratio / FUM_PI);
+  out[0] = out[1] / ratio;
+}
+
+static int32_t find_views(fum_context *context, meter *m) {
+  const double times[2] = {m->camera->shutter_open, m->camera->shutter_close};
   int32_t status = FUM_OK;
   for (int k = 0; k < 2 && status == FUM_OK; k++) {
-    status = fum_view_init_at(context, camera, k == 0 ? camera->shutter_open : camera->shutter_close, &m.views[k]);
-    if (status == FUM_OK) fum_view_place(&m.views[k], scene->origin);
+    status = fum_view_init_at(context, m->camera, times[k], &m->views[k]);
+    if (status == FUM_OK) fum_view_place(&m->views[k], m->scene->origin);
   }
-  if (status != FUM_OK) return status;
-  find_bounds(&m);
-  if (!(m.lower[0] < m.upper[0] && m.lower[1] < m.upper[1])) {
-    *out_errors = (fum_blur_errors){0};
-    return FUM_OK;
-  }
-  status = list_particles(&m);
-  if (status != FUM_OK) goto done;
+  return status;
+}
+
+static int32_t look_at_pixels(const meter *m, opacity found[LEVELS][PIXELS]) {
+  fum_context *context = m->scene->context;
+  atomic_bool is_out_of_memory = false;
 #pragma omp parallel num_threads(fum_thread_count(context))
   {
     scratch s = {0};
 #pragma omp for schedule(dynamic)
     for (int32_t pixel = 0; pixel < PIXELS; pixel++) {
       fum_blur_particles particles;
-      if (m.begins[pixel] == m.begins[pixel + 1] || fum_progress_in_loop(context, pixel, 1)) continue;
-      if (!gather(&m, m.begins[pixel], m.begins[pixel + 1], &s, &particles)) {
+      if (m->begins[pixel] == m->begins[pixel + 1] || fum_progress_in_loop(context, pixel, 1)) continue;
+      if (!gather(m, m->begins[pixel], m->begins[pixel + 1], &s, &particles)) {
         atomic_store(&is_out_of_memory, true);
         continue;
       }
       for (int level = 0; level < LEVELS; level++)
-        found[level][pixel] = look(&m, pixel, level, &particles);
+        found[level][pixel] = look(m, pixel, level, &particles);
     }
     free(s.buffer);
   }
-  if (atomic_load(&is_out_of_memory)) status = fum_fail(context, FUM_ERROR_MEMORY, "the meter of blur: no memory");
-  if (status == FUM_OK && fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
-  if (status != FUM_OK) goto done;
-  fum_blur_errors errors = {0};
-  for (int level = 0; level < LEVELS; level++) {
-    double squared = 0.0, opacities = 0.0;
-    errors.pixel_count = 0;
-    for (int32_t pixel = 0; pixel < PIXELS; pixel++) {
-      const opacity *o = &found[level][pixel];
-      errors.pixel_count += o->mean > 0.0;
-      squared += o->error * o->error;
-      opacities += o->mean * o->mean;
-    }
-    errors.of[level] = opacities > 0.0 ? sqrt(squared / opacities) : 0.0;
+  if (atomic_load(&is_out_of_memory)) return fum_fail(context, FUM_ERROR_MEMORY, "the meter of blur: no memory");
+  return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
+}
+
+/* Relative root mean square. */
+static double sum_up(const opacity found[PIXELS]) {
+  double squared = 0.0, opacities = 0.0;
+  for (int32_t pixel = 0; pixel < PIXELS; pixel++) {
+    squared += found[pixel].error * found[pixel].error;
+    opacities += found[pixel].mean * found[pixel].mean;
   }
-  *out_errors = errors;
-done:
+  return opacities > 0.0 ? sqrt(squared / opacities) : 0.0;
+}
+
+int32_t fum_blur_meter_read(const fum_scene *scene, const fum_octree *octree, const fum_solids *solids,
+                            const fum_camera *camera, const fum_view *view, fum_blur_errors *out_errors) {
+  fum_context *context = scene->context;
+  opacity found[LEVELS][PIXELS] = {{{0}}};
+  meter m = {.scene = scene,
+             .octree = octree,
+             .solids = fum_solids_hide_from_camera(solids) ? solids : NULL,
+             .camera = camera,
+             .view = view,
+             .pixel = fmax((view->window[1] - view->window[0]) / (double)view->width,
+                           (view->window[3] - view->window[2]) / (double)view->height)};
+  find_ellipse(camera, m.aperture);
+  int32_t status = find_views(context, &m);
+  if (status == FUM_OK) status = fum_smears_find(scene, octree, camera, view, &m.smears);
+  if (status != FUM_OK) return status;
+  find_bounds(&m);
+  if (m.lower[0] < m.upper[0] && m.lower[1] < m.upper[1]) {
+    status = list_particles(&m);
+    if (status == FUM_OK) status = look_at_pixels(&m, found);
+  }
+  for (int level = 0; level < LEVELS && status == FUM_OK; level++)
+    out_errors->of[level] = sum_up(found[level]);
   fum_free(context, &m.particles);
+  fum_smears_free(context, &m.smears);
   return status;
 }
 

@@ -15,7 +15,6 @@ enum { FUM_BLUR_MOST_SAMPLES = 64 };
 /* Errors of the opacity of smeared pictures: root mean squares over pixels with smoke, relative to that of the opacity.
  */
 typedef struct fum_blur_errors {
-  int32_t pixel_count;
   double of[3]; /* of one picture, of 4, of 16 */
 } fum_blur_errors;
 
