@@ -20,7 +20,16 @@ from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
 from fields import Field, Fields  # noqa: E402
-from staging import Attributes, add_cloud, add_light, add_object, box_mesh, looking  # noqa: E402
+from staging import (  # noqa: E402
+    Attributes,
+    add_cloud,
+    add_light,
+    add_object,
+    box_mesh,
+    looking,
+    matt_material,
+    smoke_material,
+)
 
 FRAMES = (1, 48)
 FRONT_FRAME = 20  # the one that the file opens at
@@ -158,30 +167,6 @@ def glowing(name: str, stops: tuple[tuple[float, tuple[float, float, float]], ..
     return material
 
 
-def matt(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    diffuse.inputs["Color"].default_value = (*color, 1.0)
-    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
-    return material
-
-
-def smoke() -> bpy.types.Material:
-    material = bpy.data.materials.new("Smoke")
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
-    volume.inputs["Color"].default_value = (0.86, 0.86, 0.88, 1.0)
-    volume.inputs["Anisotropy"].default_value = 0.3
-    volume.location.x = -300
-    material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
-    return material
-
-
 def wheel_mesh() -> bpy.types.Mesh:
     """Spokes, a rim and nozzles in the plane of X and Z."""
     pieces = [(Matrix(), Vector((0.16, 0.12, 0.16)))]
@@ -196,13 +181,8 @@ def wheel_mesh() -> bpy.types.Mesh:
     for number in range(NOZZLES):
         turn = Matrix.Rotation(-number * 2 * math.pi / NOZZLES, 4, "Y")
         pieces.append((turn @ Matrix.Translation((RADIUS, 0, 0.08)), Vector((0.075, 0.075, 0.24))))
-    corners = [Vector((x, y, z)) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    vertices = [turn @ (corner * size) for turn, size in pieces for corner in corners]
-    faces = [[8 * piece + corner for corner in side] for piece in range(len(pieces)) for side in sides]
-    mesh = bpy.data.meshes.new("Wheel")
-    mesh.from_pydata(vertices, [], faces)
-    mesh.materials.append(matt("Wood", (0.32, 0.2, 0.11)))
+    mesh = box_mesh("Wheel", pieces)
+    mesh.materials.append(matt_material("Wood", (0.32, 0.2, 0.11)))
     return mesh
 
 
@@ -212,11 +192,11 @@ def add_solids() -> None:
     turn = wheel.driver_add("rotation_euler", 1).driver
     turn.expression = f"-{TURN} * frame"
     post = box_mesh("Post", [(Vector((MIDDLE.x, 0.14, MIDDLE.z / 2)), Vector((0.11, 0.09, MIDDLE.z + 0.1)))])
-    post.materials.append(matt("Post", (0.14, 0.1, 0.07)))
+    post.materials.append(matt_material("Post", (0.14, 0.1, 0.07)))
     add_object("Post", post, Matrix())
     ground = bpy.data.meshes.new("Ground")
     ground.from_pydata([(-60, -12, 0), (60, -12, 0), (60, 60, 0), (-60, 60, 0)], [], [(0, 1, 2, 3)])
-    ground.materials.append(matt("Ground", (0.05, 0.05, 0.055)))
+    ground.materials.append(matt_material("Ground", (0.05, 0.05, 0.055)))
     floor = add_object("Ground", ground, Matrix())
     # Their shadows in so thin a haze would hardly be seen, and are looked for in every pixel.
     for owner in (wheel, bpy.data.objects["Post"], floor):
@@ -269,7 +249,7 @@ def main() -> None:
     sparks = ((0.0, (1.0, 0.8, 0.5)), (0.3, (1.0, 0.52, 0.16)), (0.65, (0.9, 0.2, 0.03)), (1.0, (0.1, 0.01, 0.0)))
     lamps = ((0.0, (1.0, 0.6, 0.25)), (0.6, (1.0, 0.85, 0.6)), (0.8, (0.6, 0.8, 1.0)), (0.95, (1.0, 0.2, 0.12)))
     add_cloud("Sparks", SPARKS, spark_points, glowing("Spark", sparks, 1600.0))
-    add_cloud("Wheel smoke", SMOKE_POINTS, smoke_points, smoke())
+    add_cloud("Wheel smoke", SMOKE_POINTS, smoke_points, smoke_material("Smoke", (0.86, 0.86, 0.88), 0.3))
     add_cloud("Town", TOWN_LIGHTS, town_points, glowing("Lamp", lamps, 500.0))
     add_cloud("Embers", EMBERS, ember_points, glowing("Ember", sparks, 4000.0))
     add_solids()

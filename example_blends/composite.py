@@ -22,26 +22,14 @@ import bpy
 from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).parent))
-from staging import FumaroleName, add_light, add_object, add_puff, box_mesh, looking  # noqa: E402
+from staging import FumaroleName, add_light, add_object, add_puff, box_mesh, looking, matt_material  # noqa: E402
 
 EYE = Vector((0.4, -9.0, 3.4))
 
 
-def material(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
-    """A matt surface: light that it reflects on to other surfaces is what the shadow pass doesn't know."""
-    made = bpy.data.materials.new(name)
-    made.use_nodes = True
-    nodes = made.node_tree.nodes
-    nodes.clear()
-    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    diffuse.inputs["Color"].default_value = (*color, 1.0)
-    diffuse.location.x = -200
-    made.node_tree.links.new(diffuse.outputs[0], output.inputs["Surface"])
-    return made
-
-
 def add_solids() -> None:
-    """A floor, a slab that stands in the smoke, and posts before and behind it."""
+    """A floor, a slab that stands in the smoke, and posts before and behind it, all matt: light that they reflect on to one
+    another is what the shadow pass doesn't know."""
     solids = {
         "Floor": ((0.42, 0.4, 0.38), [(Vector((0, 0, -0.05)), Vector((40, 40, 0.1)))]),
         "Slab": ((0.55, 0.2, 0.12), [(Vector((0.9, 0.1, 0.9)), Vector((0.35, 1.4, 1.8)))]),
@@ -52,7 +40,7 @@ def add_solids() -> None:
     }
     for name, (color, boxes) in solids.items():
         mesh = box_mesh(name, boxes)
-        mesh.materials.append(material(name, color))
+        mesh.materials.append(matt_material(name, color))
         add_object(name, mesh, Matrix())
 
 

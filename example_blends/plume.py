@@ -32,6 +32,7 @@ from staging import (  # noqa: E402
     add_object,
     box_mesh,
     looking,
+    matt_material,
     smoke_material,
 )
 
@@ -126,26 +127,14 @@ def add_solids() -> None:
     """The ground, and a lattice in the spot's beam whose bars point at the camera, so that their shadows look sharp."""
     ground = bpy.data.meshes.new("Ground")
     ground.from_pydata([(-30, -30, 0), (30, -30, 0), (30, 30, 0), (-30, 30, 0)], [], [(0, 1, 2, 3)])
-    ground.materials.append(matt("Ground", 0.025))
+    ground.materials.append(matt_material("Ground", (0.025, 0.025, 0.025)))
     add_object("Ground", ground, Matrix())
     bars = [(Vector((0.0, 0.75 * k, 0.0)), Vector((3.4, 0.18, 0.05))) for k in range(-2, 3)]
     posts = [(Vector((x, 0.0, 0.0)), Vector((0.14, 3.2, 0.1))) for x in (-1.7, 1.7)]
     place = Matrix.Translation(SPOT.lerp(TARGET, 0.56))
     lattice = box_mesh("Lattice", bars + posts)
-    lattice.materials.append(matt("Lattice", 0.05))
+    lattice.materials.append(matt_material("Lattice", (0.05, 0.05, 0.05)))
     add_object("Lattice", lattice, place @ Matrix(beam_axes()).transposed().to_4x4())
-
-
-def matt(name: str, color: float) -> bpy.types.Material:
-    """A matt grey."""
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    diffuse.inputs["Color"].default_value = (color, color, color, 1.0)
-    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
-    return material
 
 
 def beam_axes() -> tuple[Vector, Vector, Vector]:

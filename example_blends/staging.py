@@ -54,25 +54,41 @@ def add_puff(name: str, middle: Vector) -> None:
     add_cloud(name, count, lambda fields: puff_points(fields, middle), smoke_material("Smoke"))
 
 
-def smoke_material(name: str) -> bpy.types.Material:
-    """Smoke that scatters nine tenths of the light it meets, mostly forwards."""
+def smoke_material(
+    name: str, color: tuple[float, float, float] = (0.9, 0.9, 0.92), anisotropy: float = 0.4
+) -> bpy.types.Material:
+    """Smoke that scatters `color` of the light it meets, by default nine tenths and mostly forwards."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     nodes = material.node_tree.nodes
     nodes.clear()
     volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
-    volume.inputs["Color"].default_value = (0.9, 0.9, 0.92, 1.0)
-    volume.inputs["Anisotropy"].default_value = 0.4
+    volume.inputs["Color"].default_value = (*color, 1.0)
+    volume.inputs["Anisotropy"].default_value = anisotropy
     volume.location.x = -300
     material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
     return material
 
 
-def box_mesh(name: str, boxes: list[tuple[Vector, Vector]]) -> bpy.types.Mesh:
-    """Boxes, each by its centre and its size."""
+def matt_material(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
+    """A matt surface."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    diffuse.inputs["Color"].default_value = (*color, 1.0)
+    diffuse.location.x = -200
+    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def box_mesh(name: str, boxes: list[tuple[Vector | Matrix, Vector]]) -> bpy.types.Mesh:
+    """Boxes, each by its centre, or a matrix that places it, and its size."""
     corners = [Vector((x, y, z)) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    vertices = [centre + corner * size for centre, size in boxes for corner in corners]
+    places = [place if isinstance(place, Matrix) else Matrix.Translation(place) for place, _ in boxes]
+    vertices = [place @ (corner * size) for place, (_, size) in zip(places, boxes) for corner in corners]
     faces = [[8 * box + corner for corner in side] for box in range(len(boxes)) for side in sides]
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(vertices, [], faces)
