@@ -2,8 +2,7 @@
 """Makes cinematic.blend beside itself, after a ./run command has built the library:
 blender -b --factory-startup --python scripts/blender_checkout.py --python example_blends/cinematic.py
 
-Its pictures in docs/pictures, plain, with motion blur and with depth of field, are made by
-blender -b --python scripts/blender_checkout.py example_blends/cinematic.blend --python example_blends/cinematic_pictures.py
+Its pictures in docs/pictures, plain, with motion blur and with depth of field, are made by cinematic_pictures.py.
 
 A Catherine wheel turns before a town at night. Sparks and smoke leave its nozzles; embers drift by close to the camera.
 Where a point is, and how fast it moves, depends on nothing but the frame, so any frame and any part of one is right.

@@ -37,6 +37,14 @@ def rows(value: ArrayLike, columns: int, what: str, count: int | None = None) ->
     return array
 
 
+def image(value: ArrayLike, channels: int, what: str) -> NDArray[np.float32]:
+    """`value` as (height, width, channels) float32."""
+    array = floats(value, what)
+    if array.ndim != 3 or array.shape[2] != channels:
+        raise argument_error(f"{what} has shape {array.shape}, expected (height, width, {channels})")
+    return array
+
+
 def number(value: ArrayLike, what: str) -> float:
     """`value` as one number."""
     array = np.asarray(value)

@@ -128,9 +128,7 @@ class Scene:
         if matte_name is not None:
             description.matte_name = matte_name.encode()
         if map is not None:
-            pixels = _arrays.floats(map, f"map of {name!r}")
-            if pixels.ndim != 3 or pixels.shape[2] != 4:
-                raise argument_error(f"map of {name!r} has shape {pixels.shape}, expected (height, width, 4)")
+            pixels = _arrays.image(map, 4, f"map of {name!r}")
             _arrays.point(description, "map", pixels)
             description.map_height, description.map_width = pixels.shape[:2]
         self.context.call("fum_scene_add_particles", self.handle, ctypes.byref(description))
@@ -290,9 +288,7 @@ class Scene:
         description.intensity[:] = _arrays.triple(color, f"color of {name!r}")
         description.world_from_light[:] = _arrays.matrix(matrix, f"matrix of {name!r}").ravel()
         if pixels is not None:
-            picture = _arrays.floats(pixels, f"pixels of {name!r}")
-            if picture.ndim != 3 or picture.shape[2] != 3:
-                raise argument_error(f"pixels of {name!r} has shape {picture.shape}, expected (height, width, 3)")
+            picture = _arrays.image(pixels, 3, f"pixels of {name!r}")
             _arrays.point(description, "environment_pixels", picture)
             description.environment_height, description.environment_width = picture.shape[:2]
         self.context.call("fum_scene_add_light", self.handle, ctypes.byref(description))
