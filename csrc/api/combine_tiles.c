@@ -126,7 +126,7 @@ static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_s
   int32_t status = light_lattice(p, light);
   if (status == FUM_OK) status = fum_meter_find_exact(meter);
   if (status == FUM_OK) status = ask_lattice(p, light, out_share, meter);
-  if (status == FUM_OK && *out_share > 1.0 && fum_solver_fall_back(&p->lighting->solver)) {
+  while (status == FUM_OK && *out_share > 1.0 && fum_solver_fall_back(&p->lighting->solver)) {
     fum_lattice_forget(r->context, &light->lattice);
     status = light_lattice(p, light);
     if (status == FUM_OK) status = ask_lattice(p, light, out_share, meter);

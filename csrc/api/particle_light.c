@@ -43,7 +43,7 @@ int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *con
   bool keeps = true;
   int32_t status = fum_receivers_group(r->context, r->scene->caches->all, &lighting->receivers);
   if (status == FUM_OK) status = light_once(r, lighting, by_light, out_light, &keeps);
-  if (status == FUM_OK && !keeps && fum_solver_fall_back(&lighting->solver))
+  while (status == FUM_OK && !keeps && fum_solver_fall_back(&lighting->solver))
     status = light_once(r, lighting, by_light, out_light, &keeps);
   for (int32_t l = 0; l < r->scene->light_count && by_light != NULL && status == FUM_OK; l++) {
     for (int64_t i = 0; i < 3 * r->scene->caches->all->count && by_light[l] != NULL; i++)

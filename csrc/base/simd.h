@@ -19,6 +19,8 @@ typedef float fum_vf __attribute__((vector_size(4 * FUM_LANES)));
 typedef int32_t fum_vi __attribute__((vector_size(4 * FUM_LANES)));
 typedef uint32_t fum_vu __attribute__((vector_size(4 * FUM_LANES))); /* wraps around without undefined behaviour */
 
+typedef float fum_quad __attribute__((vector_size(16)));
+
 static inline fum_vf fum_vf_set(float value) {
   return value - (fum_vf){0};
 }
@@ -47,11 +49,17 @@ static inline fum_vf fum_vf_gather(const float *values, fum_vi indices) {
 #endif
 }
 
+/* Halves are added to each other: in order, each addition would wait for the one before. */
 static inline float fum_vf_sum(fum_vf v) {
-  float sum = 0.0F;
-  for (int lane = 0; lane < FUM_LANES; lane++)
-    sum += v[lane];
-  return sum;
+#if FUM_LANES == 16
+  const __m256 eight = _mm512_castps512_ps256((__m512)v) + _mm512_extractf32x8_ps((__m512)v, 1);
+  const fum_quad four = (fum_quad)(_mm256_castps256_ps128(eight) + _mm256_extractf128_ps(eight, 1));
+#elif FUM_LANES == 8
+  const fum_quad four = (fum_quad)(_mm256_castps256_ps128((__m256)v) + _mm256_extractf128_ps((__m256)v, 1));
+#else
+  const fum_quad four = v;
+#endif
+  return (four[0] + four[2]) + (four[1] + four[3]);
 }
 
 static inline fum_vf fum_vf_select(fum_vi mask, fum_vf yes, fum_vf no) {

@@ -2,6 +2,7 @@
 #include "lighting/hidden.h"
 
 #include "lighting/solver.h"
+#include "octree/bunch.h"
 
 static int32_t coarse(int32_t samples) {
   return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
@@ -74,6 +75,7 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
                         const fum_lattice_face *faces, float tolerance, fum_hidden *out_hidden) {
   /* What is left of the light behind this depth is a fiftieth of the tolerance. */
   fum_hidden hidden = {.face_count = slabs->count + 1, .faces = faces, .limit = -logf(0.02F * tolerance)};
+  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F};
   float *positions = NULL;
   fum_octree *points = NULL, *casters = NULL;
   *out_hidden = hidden;
@@ -87,8 +89,9 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
   if (status != FUM_OK) goto done;
   place_points(view, slabs, &hidden, positions);
   status = fum_octree_build_points(context, octree->origin, count, positions, FUM_GROUP_SIZE, &points);
-  if (status == FUM_OK) status = fum_octree_merge_roughly(context, octree, &casters);
-  if (status == FUM_OK) status = solve(context, casters, view, points, hidden.limit, hidden.depths);
+  if (status == FUM_OK) status = fum_octree_bunch(context, octree, &rough, &casters);
+  if (status == FUM_OK)
+    status = solve(context, casters != NULL ? casters : octree, view, points, hidden.limit, hidden.depths);
   if (status != FUM_OK) goto done;
   *out_hidden = hidden;
   hidden = (fum_hidden){0};

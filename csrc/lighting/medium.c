@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/medium.h"
 
+#include "octree/bunch.h"
 #include "octree/neighbours.h"
 
 static int64_t runs_of(const fum_octree_node *node) {
@@ -245,8 +246,19 @@ done:
   return status;
 }
 
+int32_t fum_medium_bunch(fum_context *context, float side, fum_medium *medium) {
+  const fum_bunch_options options = {medium->sigma_scale, side};
+  if (medium->bunch_side == side) return FUM_OK;
+  fum_octree_destroy(context, medium->bunched);
+  medium->bunched = NULL;
+  medium->bunch_side = side;
+  return fum_octree_bunch(context, fum_medium_casters(medium), &options, &medium->bunched);
+}
+
 void fum_medium_end(fum_context *context, fum_medium *medium) {
+  fum_octree_destroy(context, medium->bunched);
   fum_octree_destroy(context, medium->merged);
+  medium->bunched = NULL;
   medium->merged = NULL;
   free_runs(context, medium);
 }

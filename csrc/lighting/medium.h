@@ -13,6 +13,8 @@ typedef struct fum_medium {
   uint64_t sets;            /* shadow_sets of the particles */
   const fum_octree *octree; /* of the particles */
   fum_octree *merged;       /* of fewer, which do as well; NULL: there are none */
+  float bunch_side;         /* in sigmas, of the cells of... */
+  fum_octree *bunched;      /* ...fewer still, for what may be rougher; NULL: there are none */
   float sigma_scale;        /* intersection test size */
   float depth_scale;        /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
   float depth_limit;        /* optical depth above which a receiver counts as dark: the walk ends early */
@@ -35,6 +37,10 @@ int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_me
 
 /* Lays out the runs, unless they are there. */
 int32_t fum_medium_lay_runs(fum_context *context, fum_medium *medium);
+
+/* Finds `bunched` for cells this wide, unless it is known. */
+int32_t fum_medium_bunch(fum_context *context, float side, fum_medium *medium);
+
 void fum_medium_end(fum_context *context, fum_medium *medium);
 
 #endif

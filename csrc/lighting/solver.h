@@ -8,6 +8,8 @@
 typedef struct fum_solver {
   int32_t wanted;                   /* FUM_SOLVER_ */
   float tolerance;                  /* of the picture; a sweep is for those that it keeps by far */
+  bool is_careful;                  /* sweeps are to take each particle by itself */
+  bool has_bunched;                 /* one didn't */
   int64_t exact_count, sweep_count; /* calls that each has solved */
 } fum_solver;
 
@@ -17,10 +19,11 @@ int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *m
                          const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
 
 /* After the meter has said no: if the choice was free and a sweep was taken, takes back the counts, has everything
- * solved exactly from now on and returns true. */
+ * solved more exactly from now on, by careful sweeps or not by sweeps, and returns true. */
 static inline bool fum_solver_fall_back(fum_solver *solver) {
   if (solver->wanted != FUM_SOLVER_AUTOMATIC || solver->sweep_count == 0) return false;
-  *solver = (fum_solver){.wanted = FUM_SOLVER_EXACT, .tolerance = solver->tolerance};
+  const int32_t wanted = solver->has_bunched ? FUM_SOLVER_AUTOMATIC : FUM_SOLVER_EXACT;
+  *solver = (fum_solver){.wanted = wanted, .tolerance = solver->tolerance, .is_careful = true};
   return true;
 }
 

@@ -20,7 +20,7 @@ typedef struct footprint {
   float column, row;          /* of its centre, in cells */
   float u, v;                 /* the same in the patch's window; 0 of a parallel light */
   float squared_cosine;       /* between its ray and the axis */
-  float falloff;              /* its Gaussian is 2^(-falloff d^2), d across the ray in tangents or m */
+  float across, up, both;     /* its Gaussian is 2^(across x^2 + up y^2 + both x y), in cells, on a flat plane */
   float optical_depth;        /* at its centre */
   float reach;                /* in cells */
   float range, inverse_sigma; /* in slabs */
@@ -108,6 +108,8 @@ static void lay_patch(patch *p, int64_t index) {
   p->rows = (int32_t)((upper[1] - p->lower[1]) / cell + FUM_SWEEP_MARGIN) + 1;
 }
 
+static const float HALF_LOG2_E = 0.72134752F;
+
 #include "lighting/sweep_places.h"
 
 static const float NUMBERS[MOST_COLUMNS] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15,
@@ -189,9 +191,7 @@ static const float FLAT = 0.01F;
  * from one row to the next the Gaussian grows by a factor, which falls off by one that is the same everywhere. */
 static void find_flat_cells(const patch *p, const footprint *f, const box *b, float *cells) {
   const int32_t width = b->width, at_once = FUM_LANES > width ? FUM_LANES / width : 1;
-  const float cell = p->job->level->cell, falloff = -f->falloff * f->squared_cosine * cell * cell;
-  const float across = falloff * (1.0F + f->v * f->v), up = falloff * (1.0F + f->u * f->u);
-  const float both = -2.0F * falloff * f->u * f->v, step = (float)at_once;
+  const float across = f->across, up = f->up, both = f->both, step = (float)at_once;
   const fum_vf fall = fum_vf_exp2(fum_vf_set(2.0F * step * step * up));
   const fum_vf y = (at_once > 1 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F)) + ((float)b->y - f->row);
   for (int32_t column = 0; column < width; column += FUM_LANES) {
@@ -207,20 +207,16 @@ static void find_flat_cells(const patch *p, const footprint *f, const box *b, fl
   }
 }
 
-/* The same, whatever the exponent. */
+/* The same, whatever the exponent: |centre x ray|^2 over |ray|^2, the quotient by its series. */
 static void find_cells(const patch *p, const footprint *f, const box *b, float *cells) {
   const float cell = p->job->level->cell, *columns = b->width == 8 ? PAIR_COLUMNS : NUMBERS;
   const fum_vf rows = b->width == 8 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F);
   for (int32_t k = 0; k < b->rows * b->width; k += FUM_LANES) {
-    const fum_vf e1 = (fum_vf_load(columns + k % b->width) + ((float)b->x - f->column)) * cell;
-    const fum_vf e2 = (rows + ((float)(b->y + k / b->width) - f->row)) * cell;
-    fum_vf squared = e1 * e1 + e2 * e2;
-    if (!p->job->view->is_parallel) { /* |centre x ray|^2 / |ray|^2 over depth^2; the quotient by its series */
-      const float inverse = f->squared_cosine;
-      const fum_vf e3 = e2 * f->u - e1 * f->v, grown = (2.0F * (f->u * e1 + f->v * e2) + squared) * inverse;
-      squared = (squared + e3 * e3) * (inverse * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
-    }
-    const fum_vf gauss = f->optical_depth * fum_vf_exp2(squared * -f->falloff);
+    const fum_vf x = fum_vf_load(columns + k % b->width) + ((float)b->x - f->column);
+    const fum_vf y = rows + ((float)(b->y + k / b->width) - f->row);
+    const fum_vf grown = (2.0F * (f->u * x + f->v * y) + cell * (x * x + y * y)) * (cell * f->squared_cosine);
+    const fum_vf flat = f->across * x * x + f->both * x * y + f->up * y * y;
+    const fum_vf gauss = f->optical_depth * fum_vf_exp2(flat * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
     const fum_vf edge = find_edge(p, f, b, fum_vf_load(columns + k % b->width));
     fum_vf_store(cells + k, fum_vf_select(gauss >= edge, gauss, fum_vf_set(0.0F)));
   }
@@ -275,38 +271,7 @@ static void add_casters(const patch *p, const footprint *footprints, const uint3
   if (to > from) add_deposit(p, &deposits[(to - 1) % 2]);
 }
 
-static void spline(float t, float weights[4]) {
-  const float s = 1.0F - t, sixth = 0.16666667F;
-  weights[0] = s * s * s * sixth;
-  weights[1] = (4.0F + t * t * (3.0F * t - 6.0F)) * sixth;
-  weights[2] = (4.0F + s * s * (3.0F * s - 6.0F)) * sixth;
-  weights[3] = t * t * t * sixth;
-}
-
-/* Optical depth in front of a receiver, from the four faces around it. */
-static float read_depth(const patch *p, const spot *at) {
-  const int32_t x = (int32_t)at->column, y = (int32_t)at->row, slab = (int32_t)at->range;
-  float across[4], up[4], along[4], line[FACES] = {0.0F};
-  fum_vf sums[FACES / FUM_LANES] = {{0}};
-  if (x < 1 || y < 1 || x + 2 >= p->columns || y + 2 >= p->rows) return 0.0F;
-  spline(at->column - (float)x, across);
-  spline(at->row - (float)y, up);
-  spline(at->range - (float)slab, along);
-  for (int32_t k = 0; k < 4; k++)
-    line[(slab - 1 + k) & (FACES - 1)] = along[k];
-  for (int32_t r = 0; r < 4; r++) {
-    const float *taps = p->lines + ((int64_t)(y - 1 + r) * p->columns + x - 1) * FACES;
-    for (int32_t c = 0; c < 4; c++) {
-      const float weight = up[r] * across[c];
-      for (int32_t k = 0; k < FACES / FUM_LANES; k++)
-        sums[k] += weight * fum_vf_load(taps + c * FACES + k * FUM_LANES);
-    }
-  }
-  fum_vf depth = {0};
-  for (int32_t k = 0; k < FACES / FUM_LANES; k++)
-    depth += sums[k] * fum_vf_load(line + k * FUM_LANES);
-  return fum_vf_sum(depth);
-}
+#include "lighting/sweep_read.h"
 
 /* Things to be done at slabs, in the order of these. */
 typedef struct agenda {

@@ -50,12 +50,66 @@ static inline uint32_t bits_below(int64_t count) {
  * and so are exact to fourth order, at a step as large as sigma. */
 static const float SPLINE_VARIANCE = 0.33333333F, LEAST_VARIANCE = 0.2F;
 
+/* Vectors, one for each caster. */
+typedef struct ways {
+  fum_vf x, y, z;
+} ways;
+
+static inline ways combine(fum_vec3 a, fum_vf times, fum_vec3 b) {
+  return (ways){a.x + times * b.x, a.y + times * b.y, a.z + times * b.z};
+}
+
+/* What casters' stretches make of their covariance between two directions; 0 if they are round. */
+static inline fum_vf stretch_between(const fum_octree *casters, int64_t first, const ways *a, const ways *b) {
+  if (casters->stretches == NULL) return fum_vf_set(0.0F);
+  fum_vf s[FUM_STRETCHES];
+  for (int k = 0; k < FUM_STRETCHES; k++)
+    s[k] = fum_vf_load(casters->stretches + k * (casters->count + FUM_OCTREE_PAD) + first);
+  const fum_vf x = s[0] * a->x + s[2] * a->y + s[3] * a->z, y = s[2] * a->x + s[1] * a->y + s[4] * a->z;
+  const fum_vf z = s[3] * a->x + s[4] * a->y - (s[0] + s[1]) * a->z;
+  return x * b->x + y * b->y + z * b->z;
+}
+
+/* Covariance of casters: mean and half the difference of columns and rows, between them, in cells^2, and along the ray
+ * in m^2. */
+typedef struct seen {
+  fum_vf mean, difference, between, along;
+} seen;
+
+/* A place moves in the window by what moves across the axis less what moves along it times the tangent. */
+static seen find_seen(const patch *p, int64_t first, fum_vf variance, fum_vf u, fum_vf v, fum_vf per_cell) {
+  const fum_octree *casters = p->job->casters;
+  const ways across = combine(p->right, -u, p->axis), up = combine(p->up, -v, p->axis);
+  const ways along = {u * p->right.x + v * p->up.x + p->axis.x, u * p->right.y + v * p->up.y + p->axis.y,
+                      u * p->right.z + v * p->up.z + p->axis.z};
+  const fum_vf columns = variance * (1.0F + u * u) + stretch_between(casters, first, &across, &across);
+  const fum_vf rows = variance * (1.0F + v * v) + stretch_between(casters, first, &up, &up);
+  const fum_vf between = variance * u * v + stretch_between(casters, first, &across, &up);
+  const fum_vf scale = per_cell * per_cell;
+  return (seen){.mean = 0.5F * (columns + rows) * scale,
+                .difference = 0.5F * (columns - rows) * scale,
+                .between = between * scale,
+                .along = variance + stretch_between(casters, first, &along, &along) / (1.0F + u * u + v * v)};
+}
+
+/* Takes the spline's variance off, as long as enough is left in all directions. Returns half the difference between the
+ * widest and the narrowest. */
+static fum_vf narrow(seen *s) {
+  const fum_vf half = fum_vf_sqrt(s->difference * s->difference + s->between * s->between);
+  s->mean = fum_vf_at_least(s->mean - SPLINE_VARIANCE, LEAST_VARIANCE);
+  const fum_vf most = s->mean - LEAST_VARIANCE;
+  const fum_vf share = fum_vf_select(half > most, most / half, fum_vf_set(1.0F));
+  s->difference *= share;
+  s->between *= share;
+  return half * share;
+}
+
 /* Casters of the level among `count` from `first` on that reach into the patch, FUM_LANES at most. Returns how many. */
 static int32_t find_footprints(const patch *p, int64_t first, int64_t count, footprint *out) {
   const fum_octree *casters = p->job->casters;
   const fum_sweep_level *level = p->job->level;
-  const fum_vf seen = fum_vf_load(p->job->view->sigmas + first);
-  const fum_vi is_of_level = (seen > 0.0F) & (seen >= level->smallest) & (seen < level->largest);
+  const fum_vf tangents = fum_vf_load(p->job->view->sigmas + first);
+  const fum_vi is_of_level = (tangents > 0.0F) & (tangents >= level->smallest) & (tangents < level->largest);
   uint32_t taken = fum_vi_bits(is_of_level) & bits_below(count);
   if (taken == 0) return 0;
   const float cell = p->job->level->cell;
@@ -63,16 +117,18 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   const points q = load_points(p->job->view, casters, first);
   const places at = find_places(p, &q);
   const fum_vf sigma = p->job->sigma_scale / fum_vf_load(casters->inverse_sigmas + first), variance = sigma * sigma;
-  const fum_vf one = fum_vf_set(1.0F), nowhere = fum_vf_set(-8.0F);
-  const fum_vf squared = is_parallel ? one : 1.0F / (1.0F + at.u * at.u + at.v * at.v);
-  /* How far apart grid lines are there, in m, squared and averaged over directions. */
-  const fum_vf step = cell * at.depth, spread = step * step * 0.5F * (1.0F + squared) * SPLINE_VARIANCE;
-  const fum_vf left = variance - spread, least = LEAST_VARIANCE * step * step;
-  const fum_vf narrow = fum_vf_select(left > least, left, least), per_narrow = 1.0F / narrow;
-  const fum_vf along = sigma * at.slabs_per_metre;
-  const fum_vf narrow_along = fum_vf_sqrt(fum_vf_at_least(along * along - SPLINE_VARIANCE, LEAST_VARIANCE));
+  const fum_vf one = fum_vf_set(1.0F), zero = fum_vf_set(0.0F), nowhere = fum_vf_set(-8.0F);
+  const fum_vf u = is_parallel ? zero : at.u, v = is_parallel ? zero : at.v;
+  const fum_vf squared = 1.0F / (1.0F + u * u + v * v), cosine = fum_vf_sqrt(squared);
+  const fum_vf per_cell = 1.0F / (cell * at.depth);
+  seen s = find_seen(p, first, variance, u, v, per_cell);
+  const fum_vf half = narrow(&s), area = s.mean * s.mean - half * half, per_area = 1.0F / area;
+  const fum_vf along = s.along * at.slabs_per_metre * at.slabs_per_metre;
+  const fum_vf narrow_along = fum_vf_sqrt(fum_vf_at_least(along - SPLINE_VARIANCE, LEAST_VARIANCE));
   /* Rays that pass at a distance d come nearest to the centre d^2 / (2 distance) before it. */
-  const fum_vf bend = variance * at.slabs_per_metre * fum_vf_sqrt(squared) / at.depth;
+  const fum_vf bend = variance * at.slabs_per_metre * cosine / at.depth;
+  /* In the window's areas: what is put in narrower is thicker. */
+  const fum_vf per_narrow = per_cell * per_cell / (fum_vf_sqrt(area) * cosine);
   const fum_vf optical_depth =
       fum_vf_load(casters->optical_depths + first) * p->job->depth_scale * variance * per_narrow;
   const fum_vf reach = FUM_SWEEP_SPREAD * narrow_along;
@@ -81,13 +137,15 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   const fum_vf range = is_parallel ? at.range : fum_vf_select(is_before, at.range - bend, at.range);
   const fum_vf column = fum_vf_select(is_before, (at.u - p->lower[0]) / cell, nowhere);
   const fum_vf row = fum_vf_select(is_before, (at.v - p->lower[1]) / cell, nowhere);
-  const fum_vf across = fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(narrow / squared) / step, one);
+  const fum_vf across = fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(s.mean + half), one);
   const fum_vf values[] = {column,
                            row,
-                           is_parallel ? fum_vf_set(0.0F) : at.u,
-                           is_parallel ? fum_vf_set(0.0F) : at.v,
+                           u,
+                           v,
                            squared,
-                           0.72134752F * at.depth * at.depth * per_narrow,
+                           -HALF_LOG2_E * (s.mean - s.difference) * per_area,
+                           -HALF_LOG2_E * (s.mean + s.difference) * per_area,
+                           2.0F * HALF_LOG2_E * s.between * per_area,
                            optical_depth,
                            across,
                            range,
@@ -100,9 +158,9 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   for (; taken != 0; taken &= taken - 1) {
     const int k = __builtin_ctz(taken);
     footprint *f = &out[found++];
-    *f = (footprint){values[0][k], values[1][k], values[2][k],           values[3][k],
-                     values[4][k], values[5][k], values[6][k],           values[7][k],
-                     values[8][k], values[9][k], (int32_t)values[10][k], (int32_t)values[11][k]};
+    *f = (footprint){values[0][k],  values[1][k],  values[2][k],           values[3][k],          values[4][k],
+                     values[5][k],  values[6][k],  values[7][k],           values[8][k],          values[9][k],
+                     values[10][k], values[11][k], (int32_t)values[12][k], (int32_t)values[13][k]};
     f->last = f->last < f->first + MOST_SPAN ? f->last : f->first + MOST_SPAN - 1;
   }
   return found;

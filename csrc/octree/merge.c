@@ -3,9 +3,9 @@
 
 #include "base/vector.h"
 #include "octree/neighbours.h"
+#include "octree/thin.h"
 
 #include <math.h>
-#include <string.h>
 
 /* What particles weigh together, seen from their centroid. */
 typedef struct moments {
@@ -18,8 +18,8 @@ typedef struct moments {
 typedef struct merging {
   const fum_octree *octree;
   double sigma_scale, depth_scale;
-  double allowed;    /* optical depth that a bunch may be wrong by on any segment, unless it is done roughly */
-  uint32_t *order;   /* [count] scratch; NULL: roughly, in bunches */
+  double allowed;    /* optical depth that a bunch may be wrong by on any segment,  */
+  uint32_t *order;   /* [count] scratch */
   uint32_t *counts;  /* [node_count] particles left in each leaf */
   fum_octree *loose; /* those of a leaf from its begin on; no nodes */
 } merging;
@@ -102,20 +102,11 @@ static void emit(const merging *m, uint32_t at, const double position[3], double
   m->loose->optical_depths[at] = (float)optical_depth;
 }
 
-static void copy_particles(const fum_octree *from, uint32_t first, uint32_t count, fum_octree *to, uint32_t at) {
-  const size_t bytes = count * sizeof(float);
-  memcpy(to->x + at, from->x + first, bytes);
-  memcpy(to->y + at, from->y + first, bytes);
-  memcpy(to->z + at, from->z + first, bytes);
-  memcpy(to->inverse_sigmas + at, from->inverse_sigmas + first, bytes);
-  memcpy(to->optical_depths + at, from->optical_depths + first, bytes);
-}
-
 /* Particles in the order of fum_neighbours_sort, as one if that is good enough, else by halves. Returns the place
  * behind the last that was written. */
 static uint32_t merge_range(const merging *m, const uint32_t *particles, uint32_t count, uint32_t at) {
   if (count == 1) {
-    copy_particles(m->octree, particles[0], 1, m->loose, at);
+    fum_octree_copy(m->octree, particles[0], 1, m->loose, at);
     return at + 1;
   }
   moments all;
@@ -143,7 +134,7 @@ static bool is_close(const merging *m, const fum_octree_node *leaf) {
 static void merge_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {
   uint32_t *particles = m->order + leaf->begin;
   if (!is_close(m, leaf)) {
-    copy_particles(m->octree, leaf->begin, leaf->count, m->loose, leaf->begin);
+    fum_octree_copy(m->octree, leaf->begin, leaf->count, m->loose, leaf->begin);
     *out_count = leaf->count;
     return;
   }
@@ -165,92 +156,27 @@ static bool is_worthwhile(fum_context *context, const merging *m) {
   return close > octree->count / 10;
 }
 
-/* Particles one after the other in the octree's order, as one if they hardly spread. */
-static uint32_t bunch_up(const merging *m, uint32_t begin, uint32_t count, uint32_t at) {
-  const double widest = 2.0; /* variance of their places over that of the narrowest */
-  moments all;
-  uint32_t particles[FUM_BUNCH];
-  double narrowest = INFINITY, squared = 0.0;
-  for (uint32_t i = 0; i < count; i++)
-    particles[i] = begin + i;
-  find_centroid(m, particles, count, &all);
-  for (uint32_t i = 0; i < count && all.mass > 0.0; i++) {
-    const double variance = variance_of(m, begin + i);
-    const double share = (double)m->octree->optical_depths[begin + i] * variance / all.mass;
-    double o[3];
-    offset_of(m, begin + i, all.centroid, o);
-    squared += share * (o[0] * o[0] + o[1] * o[1] + o[2] * o[2]);
-    all.variance += share * variance;
-    narrowest = fmin(narrowest, variance);
-  }
-  all.variance += squared / 3.0;
-  if (all.mass > 0.0 && squared / 3.0 <= widest * narrowest) {
-    emit(m, at, all.centroid, all.variance, all.mass / all.variance);
-    return at + 1;
-  }
-  copy_particles(m->octree, begin, count, m->loose, at);
-  return at + count;
-}
-
-static void bunch_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {
-  const uint32_t end = leaf->begin + leaf->count;
-  uint32_t at = leaf->begin;
-  for (uint32_t p = leaf->begin; p < end; p += FUM_BUNCH)
-    at = bunch_up(m, p, p + FUM_BUNCH < end ? FUM_BUNCH : end - p, at);
-  *out_count = at - leaf->begin;
-}
-
 static int32_t merge_leaves(fum_context *context, const merging *m, int64_t *out_count) {
   const fum_octree *octree = m->octree;
   int64_t count = 0;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256) reduction(+ : count)
   for (int64_t i = 0; i < octree->node_count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 10) || octree->nodes[i].children != 0) continue;
-    (m->order != NULL ? merge_leaf : bunch_leaf)(m, &octree->nodes[i], &m->counts[i]);
+    merge_leaf(m, &octree->nodes[i], &m->counts[i]);
     count += m->counts[i];
   }
   *out_count = count;
   return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : FUM_OK;
 }
 
-/* Nodes with what is left of their particles. Children come after their parents, and consecutive. */
-static void number_nodes(const merging *m, fum_octree *merged) {
-  memcpy(merged->nodes, m->octree->nodes, (size_t)merged->node_count * sizeof *merged->nodes);
-  for (int64_t i = merged->node_count - 1; i >= 0; i--) {
-    fum_octree_node *node = &merged->nodes[i];
-    const int children = __builtin_popcount(node->octants);
-    node->count = node->children == 0 ? m->counts[i] : 0;
-    for (int c = 0; c < children; c++)
-      node->count += merged->nodes[node->children + (uint32_t)c].count;
-  }
-  for (int64_t i = 0; i < merged->node_count; i++) {
-    uint32_t begin = merged->nodes[i].begin;
-    const int children = __builtin_popcount(merged->nodes[i].octants);
-    for (int c = 0; c < children; c++) {
-      fum_octree_node *child = &merged->nodes[merged->nodes[i].children + (uint32_t)c];
-      child->begin = begin;
-      begin += child->count;
-    }
-  }
-}
-
-static int32_t close_gaps(fum_context *context, const merging *m, int64_t count, fum_octree **out_merged) {
-  const fum_octree *octree = m->octree;
-  fum_octree *merged = NULL;
-  int32_t status = fum_octree_create(context, octree->origin, count, true, &merged);
+static int32_t close_gaps(fum_context *context, const merging *m, fum_octree **out_merged) {
+  const int32_t status = fum_octree_thin(context, m->octree, m->counts, out_merged);
   if (status != FUM_OK) return status;
-  merged->node_count = octree->node_count;
-  status = fum_alloc(context, merged->node_count, sizeof *merged->nodes, "merged particles", &merged->nodes);
-  if (status != FUM_OK) {
-    fum_octree_destroy(context, merged);
-    return status;
+  for (int64_t i = 0; i < m->octree->node_count; i++) {
+    const fum_octree_node *node = &(*out_merged)->nodes[i];
+    if (node->children == 0)
+      fum_octree_copy(m->loose, m->octree->nodes[i].begin, node->count, *out_merged, node->begin);
   }
-  number_nodes(m, merged);
-  for (int64_t i = 0; i < merged->node_count; i++) {
-    const fum_octree_node *node = &merged->nodes[i];
-    if (node->children == 0) copy_particles(m->loose, octree->nodes[i].begin, node->count, merged, node->begin);
-  }
-  *out_merged = merged;
   return FUM_OK;
 }
 
@@ -268,22 +194,9 @@ int32_t fum_octree_merge(fum_context *context, const fum_octree *octree, const f
   if (status == FUM_OK)
     status = fum_alloc(context, octree->node_count, sizeof *m.counts, "merged particles", &m.counts);
   if (status == FUM_OK) status = merge_leaves(context, &m, &count);
-  if (status == FUM_OK && count < octree->count / 10 * 9) status = close_gaps(context, &m, count, out_merged);
+  if (status == FUM_OK && count < octree->count / 10 * 9) status = close_gaps(context, &m, out_merged);
   fum_free(context, &m.counts);
   fum_free(context, &m.order);
-  fum_octree_destroy(context, m.loose);
-  return status;
-}
-
-int32_t fum_octree_merge_roughly(fum_context *context, const fum_octree *octree, fum_octree **out_merged) {
-  merging m = {.octree = octree, .sigma_scale = 1.0, .depth_scale = 1.0};
-  int64_t count = 0;
-  int32_t status = fum_octree_create(context, octree->origin, octree->count, true, &m.loose);
-  if (status == FUM_OK)
-    status = fum_alloc(context, octree->node_count, sizeof *m.counts, "merged particles", &m.counts);
-  if (status == FUM_OK) status = merge_leaves(context, &m, &count);
-  if (status == FUM_OK) status = close_gaps(context, &m, count, out_merged);
-  fum_free(context, &m.counts);
   fum_octree_destroy(context, m.loose);
   return status;
 }

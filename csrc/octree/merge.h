@@ -16,11 +16,4 @@ typedef struct fum_merge_options {
 int32_t fum_octree_merge(fum_context *context, const fum_octree *octree, const fum_merge_options *options,
                          fum_octree **out_merged);
 
-/* Particles that are taken for one when it is done roughly. */
-enum { FUM_BUNCH = 8 };
-
-/* The same nodes with up to FUM_BUNCH times fewer particles, without indices: for what needs to know about where smoke
- * is and how much. The total stays; sigmas grow by up to sqrt(3). */
-int32_t fum_octree_merge_roughly(fum_context *context, const fum_octree *octree, fum_octree **out_merged);
-
 #endif

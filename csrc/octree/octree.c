@@ -44,6 +44,7 @@ void fum_octree_destroy(fum_context *context, fum_octree *octree) {
   fum_free(context, &octree->z);
   fum_free(context, &octree->inverse_sigmas);
   fum_free(context, &octree->optical_depths);
+  fum_free(context, &octree->stretches);
   fum_free(context, &octree->nodes);
   free(octree);
 }

@@ -17,6 +17,8 @@ typedef struct fum_octree_node {
 /* Float arrays have this many readable entries behind their last, so that vector loads may run over. */
 enum { FUM_OCTREE_PAD = 16 };
 
+enum { FUM_STRETCHES = 5 };
+
 typedef struct fum_octree {
   double origin[3];                       /* world position of local zero */
   int64_t count;                          /* particles */
@@ -24,6 +26,9 @@ typedef struct fum_octree {
                                              several were merged */
   float *x, *y, *z;                       /* [count] local space */
   float *inverse_sigmas, *optical_depths; /* [count] of one particle, through its centre; NULL in an octree of points */
+  float
+      *stretches; /* [FUM_STRETCHES][count + FUM_OCTREE_PAD] what Gaussians that aren't round have of covariance beside
+                     sigma^2 in all directions, m^2: xx, yy, xy, xz, yz; zz is -(xx + yy). NULL: all are round */
   int64_t node_count;
   fum_octree_node *nodes; /* node 0 is the root; a child comes after its parent; none if there are no particles */
 } fum_octree;

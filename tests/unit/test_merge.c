@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "support.h"
 
+#include "octree/bunch.h"
 #include "octree/merge.h"
 
 typedef struct smoke {
@@ -180,37 +181,82 @@ static void test_scales_count(void **state) {
   puffs_free(&p);
 }
 
-/* For a rough look: a few times fewer particles, the same mass, about the same depth on lines of some length; what is
- * far apart stays as it is. */
-static void test_rough_merging(void **state) {
-  (void)state;
-  puffs dense = puffs_random(20000, 5, 1.0F, 0.1F, 1.0F), sparse = puffs_random(200, 6, 1.0F, 0.02F, 1.0F);
-  for (int64_t i = 0; i < dense.count; i++)
-    dense.radii[i] = 0.1F; /* n sigma^3 = 0.3 */
-  smoke s = smoke_open(&dense, 64, 1e-6F);
-  fum_octree *rough = NULL;
-  assert_int_equal(fum_octree_merge_roughly(s.stage.context, s.octree, &rough), FUM_OK);
-  assert_true(rough->count < s.octree->count / 3);
-  assert_true(fabs(mass_of(rough) / mass_of(s.octree) - 1.0) < 1e-5);
-  check_nodes(rough);
+/* Root mean square of what optical depths on lines are off by, over that of the depths. */
+static double relative_error(const fum_octree *octree, const fum_octree *other) {
   double errors = 0.0, depths = 0.0;
   for (uint64_t trial = 0; trial < 200; trial++) {
     double from[3], direction[3];
     random_line(trial, 0.7, from, direction);
-    const double exact = line_depth(s.octree, from, direction), found = line_depth(rough, from, direction);
+    const double exact = line_depth(octree, from, direction), found = line_depth(other, from, direction);
     errors += (found - exact) * (found - exact);
     depths += exact * exact;
   }
-  if (errors > 0.05 * 0.05 * depths) fail_msg("off by %.3g %%", 100.0 * sqrt(errors / depths));
-  fum_octree_destroy(s.stage.context, rough);
+  return sqrt(errors / depths);
+}
+
+/* Where the mass is: the sum of mass times place. */
+static double moment_of(const fum_octree *octree, const float *places) {
+  double moment = 0.0;
+  for (int64_t i = 0; i < octree->count; i++)
+    moment += (double)(octree->optical_depths[i] * places[i]) / pow((double)octree->inverse_sigmas[i], 2.0);
+  return moment;
+}
+
+/* Dense smoke in bunches: a few times fewer particles, the same mass around the same place, and depths on lines that
+ * are off by less in smaller cells. */
+static void test_bunches(void **state) {
+  (void)state;
+  puffs p = puffs_random(20000, 5, 1.0F, 0.1F, 1.0F);
+  for (int64_t i = 0; i < p.count; i++)
+    p.radii[i] = 0.14F + 0.02F * (float)(i % 2); /* n sigma^3 = 1 */
+  smoke s = smoke_open(&p, 64, 1e-6F);
+  const struct {
+    float side;
+    int fewer;
+    double most;
+  } cases[] = {{2.0F, 2, 0.01}, {3.0F, 4, 0.03}};
+  for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+    const fum_bunch_options options = {1.0F, cases[k].side};
+    fum_octree *bunched = NULL;
+    assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &options, &bunched), FUM_OK);
+    assert_non_null(bunched);
+    if (bunched->count > s.octree->count / cases[k].fewer)
+      fail_msg("side %g: %d left", (double)cases[k].side, (int)bunched->count);
+    assert_true(fabs(mass_of(bunched) / mass_of(s.octree) - 1.0) < 1e-5);
+    assert_true(fabs(moment_of(bunched, bunched->z) - moment_of(s.octree, s.octree->z)) < 1e-5 * mass_of(s.octree));
+    check_nodes(bunched);
+    const double error = relative_error(s.octree, bunched);
+    if (!(error < cases[k].most)) fail_msg("side %g: off by %.3g %%", (double)cases[k].side, 100.0 * error);
+    fum_octree_destroy(s.stage.context, bunched);
+  }
   smoke_close(&s);
-  s = smoke_open(&sparse, 64, 1e-6F);
-  assert_int_equal(fum_octree_merge_roughly(s.stage.context, s.octree, &rough), FUM_OK);
-  assert_int_equal(rough->count, s.octree->count);
-  fum_octree_destroy(s.stage.context, rough);
+  puffs_free(&p);
+}
+
+/* What is far apart is left alone; thousands at one place, some of them without any density, are one. */
+static void test_bunches_of_one_place_and_of_many(void **state) {
+  (void)state;
+  puffs sparse = puffs_random(200, 6, 1.0F, 0.02F, 1.0F), heap = puffs_random(5000, 7, 0.0F, 0.1F, 1.0F);
+  const fum_bunch_options rough = {1.0F, 2.5F};
+  fum_octree *bunched = NULL;
+  smoke s = smoke_open(&sparse, 64, 1e-6F);
+  assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &rough, &bunched), FUM_OK);
+  assert_null(bunched);
   smoke_close(&s);
-  puffs_free(&dense);
+  for (int64_t i = 0; i < heap.count; i++) {
+    heap.radii[i] = 0.5F;
+    heap.densities[i] = i % 2 == 0 ? 0.0F : 0.01F;
+  }
+  s = smoke_open(&heap, 64, 1e-9F);
+  assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &rough, &bunched), FUM_OK);
+  assert_non_null(bunched);
+  assert_int_equal(bunched->count, 1);
+  assert_true(fabs(mass_of(bunched) / mass_of(s.octree) - 1.0) < 1e-5);
+  assert_true(fabs((double)bunched->inverse_sigmas[0] - 4.0) < 1e-4);
+  fum_octree_destroy(s.stage.context, bunched);
+  smoke_close(&s);
   puffs_free(&sparse);
+  puffs_free(&heap);
 }
 
 int main(void) {
@@ -220,7 +266,8 @@ int main(void) {
       cmocka_unit_test(test_overlapping_particles_merge),
       cmocka_unit_test(test_a_bunch_keeps_its_error),
       cmocka_unit_test(test_scales_count),
-      cmocka_unit_test(test_rough_merging),
+      cmocka_unit_test(test_bunches),
+      cmocka_unit_test(test_bunches_of_one_place_and_of_many),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,185 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "lighting/sweep_view.h"
+
+#include <string.h>
+
+static void cross(const double a[3], const double b[3], double out[3]) {
+  for (int axis = 0; axis < 3; axis++) {
+    const int next = (axis + 1) % 3, last = (axis + 2) % 3;
+    out[axis] = a[next] * b[last] - a[last] * b[next];
+  }
+}
+
+static double dot(const double a[3], const double b[3]) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static fum_vec3 to_floats(const double v[3]) {
+  return (fum_vec3){(float)v[0], (float)v[1], (float)v[2]};
+}
+
+/* A face that looks along `axis` (unit), with the window -half..half. */
+static void aim_face(const double to_middle[3], const double axis[3], double half, fum_sweep_face *out) {
+  double helper[3] = {0.0, 0.0, 0.0}, right[3], up[3];
+  helper[fabs(axis[0]) < 0.6 ? 0 : 1] = 1.0;
+  cross(axis, helper, right);
+  const double length = sqrt(dot(right, right));
+  for (int i = 0; i < 3; i++)
+    right[i] /= length;
+  cross(right, axis, up);
+  *out =
+      (fum_sweep_face){.right = to_floats(right),
+                       .up = to_floats(up),
+                       .axis = to_floats(axis),
+                       .offset = {(float)dot(to_middle, right), (float)dot(to_middle, up), (float)dot(to_middle, axis)},
+                       .lower = {(float)-half, (float)-half},
+                       .upper = {(float)half, (float)half}};
+}
+
+/* Sigmas behind its centre at which a caster in the light's vicinity ends. */
+static const double NEAR_REACH = 3.5;
+
+/* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
+static float reach_for(double optical_depth) {
+  const double least = 2.6, most = 4.4, left = 0.02; /* of the optical depth, before the tail falls off from there */
+  return (float)fmin(most, fmax(least, sqrt(2.0 * log(fmax(1.0, optical_depth / left)))));
+}
+
+static double sigma_of(const fum_medium *medium, int64_t i) {
+  return (double)medium->sigma_scale / (double)fum_medium_casters(medium)->inverse_sigmas[i];
+}
+
+double fum_sweep_widest(const fum_octree *casters, double sigma_m, int64_t i) {
+  if (casters->stretches == NULL) return sigma_m;
+  double s[FUM_STRETCHES];
+  for (int k = 0; k < FUM_STRETCHES; k++)
+    s[k] = (double)casters->stretches[k * (casters->count + FUM_OCTREE_PAD) + i];
+  const double squares = s[0] * s[0] + s[1] * s[1] + (s[0] + s[1]) * (s[0] + s[1]);
+  return sqrt(sigma_m * sigma_m + sqrt(squares + 2.0 * (s[2] * s[2] + s[3] * s[3] + s[4] * s[4])));
+}
+
+/* Finds the sigmas that casters have as seen from the light, [count]; returns the distance of the farthest. */
+static double find_sigmas(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  const double *o = view->to_middle, squared = dot(o, o);
+  double farthest = 0.0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) reduction(max : farthest)
+  for (int64_t i = 0; i < casters->count; i++) {
+    const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
+                         (double)(casters->z[i] - view->middle.z)};
+    const double distance = view->is_parallel ? 1.0 : sqrt(fmax(0.0, squared + 2.0 * dot(o, q) + dot(q, q)));
+    if (!(casters->optical_depths[i] > 0.0F)) continue;
+    view->sigmas[i] = (float)(sigma_of(medium, i) / distance);
+    farthest = distance > farthest ? distance : farthest;
+  }
+  return farthest;
+}
+
+/* Sets the casters in the light's vicinity apart and measures both them and the others. */
+static void part(fum_context *context, const fum_medium *medium, double outermost, fum_sweep_view *view) {
+  /* Sigma over distance above which a shadow isn't a footprint; ratio of distances that ranges are good for. */
+  const double widest = 0.1, most_ratio = 100.0;
+  const bool is_parallel = view->is_parallel;
+  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, reach = 0.0;
+  double smallest_near = INFINITY;
+  int64_t near_count = 0;
+  const int threads = fum_thread_count(context);
+#pragma omp parallel for num_threads(threads) reduction(+ : near_count) reduction(min                                  \
+                                                        : nearest, smallest, smallest_near) reduction(max : farthest, largest, wide, reach)
+  for (int64_t i = 0; i < fum_medium_casters(medium)->count; i++) {
+    const double sigma = (double)view->sigmas[i], sigma_m = sigma_of(medium, i);
+    if (!(sigma > 0.0)) continue;
+    const double distance = is_parallel ? 1.0 : sigma_m / sigma;
+    if (!is_parallel && (sigma > widest || most_ratio * distance < outermost)) {
+      near_count++;
+      smallest_near = sigma < smallest_near ? sigma : smallest_near;
+      reach = distance + NEAR_REACH * sigma_m > reach ? distance + NEAR_REACH * sigma_m : reach;
+      view->sigmas[i] = 0.0F;
+      continue;
+    }
+    nearest = distance < nearest ? distance : nearest;
+    farthest = distance > farthest ? distance : farthest;
+    smallest = sigma < smallest ? sigma : smallest;
+    largest = sigma > largest ? sigma : largest;
+    wide = fmax(wide, fum_sweep_widest(fum_medium_casters(medium), sigma_m, i));
+  }
+  view->vicinity = (fum_sweep_vicinity){near_count, reach, smallest_near};
+  view->nearest = nearest;
+  view->farthest = farthest;
+  view->reference = sqrt(nearest * farthest);
+  view->smallest = (float)smallest;
+  view->largest = (float)largest;
+  view->reach_m = wide;
+}
+
+/* How casters, all within `radius`, are seen. False if none is but in the light's vicinity. */
+static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  double mass = 0.0;
+  part(context, medium, find_sigmas(context, medium, view), view);
+  /* A sum over threads' shares would differ with their number. */
+  for (int64_t i = 0; i < casters->count; i++) {
+    const double sigma = 1.0 / (double)casters->inverse_sigmas[i];
+    mass += (double)casters->optical_depths[i] * sigma * sigma;
+  }
+  const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
+  view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
+  view->reach_m *= (double)view->reach;
+  return view->farthest > 0.0;
+}
+
+/* Around the light where it is near, else before it: a window around the cone of the casters. Receivers beyond are in
+ * nobody's shadow. */
+static void aim_faces(double radius, const double axis[3], fum_sweep_view *view) {
+  const double distance = sqrt(dot(view->to_middle, view->to_middle));
+  if (!view->is_parallel && distance < 1.5 * radius) {
+    view->face_count = FUM_SWEEP_FACES;
+    for (int f = 0; f < FUM_SWEEP_FACES; f++) {
+      double side[3] = {0.0};
+      side[f / 2] = f % 2 == 0 ? 1.0 : -1.0;
+      aim_face(view->to_middle, side, 1.001, &view->faces[f]);
+    }
+    return;
+  }
+  const double half = view->is_parallel ? radius : radius / sqrt(distance * distance - radius * radius);
+  view->face_count = 1;
+  aim_face(view->to_middle, axis, 1.05 * half + 1e-30, &view->faces[0]);
+}
+
+int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
+                            fum_sweep_view *out_view, bool *out_is_clear) {
+  const double far_away = 1e4; /* radii of the casters: their rays are parallel within a hundredth of a sigma */
+  const fum_octree *casters = fum_medium_casters(medium);
+  const fum_octree_node *root = casters->nodes;
+  const fum_vec3 p = emitter->position, d = emitter->direction;
+  const double light[3] = {(double)p.x, (double)p.y, (double)p.z};
+  double axis[3] = {-(double)d.x, -(double)d.y, -(double)d.z}, middle[3], radius = 0.0;
+  fum_sweep_view view = {.is_parallel = emitter->is_directional};
+  *out_is_clear = false;
+  if (casters->node_count == 0) return FUM_OK;
+  for (int k = 0; k < 3; k++) {
+    middle[k] = (double)(0.5F * (root->upper[k] + root->lower[k]));
+    radius = hypot(radius, 0.5 * ((double)root->upper[k] - (double)root->lower[k]));
+  }
+  view.middle = to_floats(middle);
+  if (!view.is_parallel) {
+    for (int k = 0; k < 3; k++)
+      view.to_middle[k] = middle[k] - light[k];
+    const double distance = sqrt(dot(view.to_middle, view.to_middle));
+    view.is_parallel = distance > far_away * radius;
+    for (int k = 0; k < 3 && distance > 0.0; k++)
+      axis[k] = view.to_middle[k] / distance;
+  }
+  if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
+  const int32_t status =
+      fum_alloc(context, casters->count + FUM_OCTREE_PAD, sizeof *view.sigmas, "a light's view", &view.sigmas);
+  if (status != FUM_OK) return status;
+  *out_is_clear = measure(context, medium, radius, &view);
+  aim_faces(radius + view.reach_m, axis, &view);
+  *out_view = view;
+  return FUM_OK;
+}
+
+void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
+  fum_free(context, &view->sigmas);
+}

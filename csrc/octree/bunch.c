@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "octree/bunch.h"
+
+#include "octree/thin.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Cells along each axis of a node, at most. */
+enum { MOST_CELLS = 5, ALL_CELLS = MOST_CELLS * MOST_CELLS * MOST_CELLS };
+
+static const char WHAT[] = "bunches of particles";
+
+/* How a leaf is cut. Lengths are in its sigmas, from its lower corner on. */
+typedef struct cutting {
+  float lower[3], per_metre, cells_per_metre[3], sigma_scale;
+  int32_t last[3]; /* cell along each axis */
+  bool is_cut;     /* false: its particles stay as they are */
+} cutting;
+
+/* How wide a node's particles are. */
+typedef struct widths {
+  float most_inverse;       /* 1 / sigma of the narrowest */
+  double depth, area_depth; /* sums of optical depth, and of that times sigma^2 */
+} widths;
+
+/* Sigma that cells go by: of the mean curvature of what the particles are in sum, which the few narrowest among wide
+ * ones hardly matter to; but these mustn't be lost either. */
+static float inverse_sigma_of(const widths *w) {
+  const float most_ratio = 1.5F;
+  const float inverse = w->area_depth > 0.0 ? (float)sqrt(w->depth / w->area_depth) : 0.0F;
+  return fmaxf(inverse, w->most_inverse / most_ratio);
+}
+
+static widths find_widths(const fum_octree *octree, const fum_octree_node *leaf) {
+  widths w = {0};
+  for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++) {
+    const float inverse = octree->inverse_sigmas[p], depth = octree->optical_depths[p];
+    w.most_inverse = w.most_inverse > inverse ? w.most_inverse : inverse;
+    w.depth += (double)depth;
+    w.area_depth += (double)(depth / (inverse * inverse));
+  }
+  return w;
+}
+
+static void find_all_widths(fum_context *context, const fum_octree *octree, widths *out) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    if (octree->nodes[i].children == 0) out[i] = find_widths(octree, &octree->nodes[i]);
+  }
+  for (int64_t i = octree->node_count - 1; i >= 0; i--) {
+    const int children = __builtin_popcount(octree->nodes[i].octants);
+    for (int c = 0; c < children; c++) {
+      const widths *child = &out[octree->nodes[i].children + (uint32_t)c];
+      out[i].most_inverse = fmaxf(out[i].most_inverse, child->most_inverse);
+      out[i].depth += child->depth;
+      out[i].area_depth += child->area_depth;
+    }
+  }
+}
+
+static cutting cut(const fum_octree_node *node, const widths *w, const fum_bunch_options *options) {
+  cutting c = {.is_cut = node->count > 1,
+               .per_metre = inverse_sigma_of(w) / options->sigma_scale,
+               .sigma_scale = options->sigma_scale};
+  for (int axis = 0; axis < 3; axis++) {
+    const float extent = node->upper[axis] - node->lower[axis];
+    const float cells = fmaxf(ceilf(extent * c.per_metre / options->side), 1.0F);
+    c.lower[axis] = node->lower[axis];
+    c.is_cut = c.is_cut && cells <= (float)MOST_CELLS;
+    c.last[axis] = c.is_cut ? (int32_t)cells - 1 : 0;
+    c.cells_per_metre[axis] = extent > 0.0F ? cells / extent : 0.0F;
+  }
+  return c;
+}
+
+/* The nodes down to those that can be cut: the more cells in one, the closer to `side` they come out. `places` is
+ * scratch; `of_nodes` move with them. Returns how many they are. */
+static int64_t prune(const fum_octree *octree, const fum_bunch_options *options, uint32_t *places, widths *of_nodes,
+                     fum_octree_node *out) {
+  int64_t count = octree->node_count > 0 ? 1 : 0;
+  places[0] = 0;
+  for (int64_t next = 0; next < count; next++) {
+    const uint32_t i = places[next];
+    out[next] = octree->nodes[i];
+    of_nodes[next] = of_nodes[i];
+    if (octree->nodes[i].children == 0) continue;
+    if (cut(&out[next], &of_nodes[next], options).is_cut) {
+      out[next].children = 0;
+      out[next].octants = 0;
+      continue;
+    }
+    const uint32_t first = octree->nodes[i].children;
+    const int children = __builtin_popcount(octree->nodes[i].octants);
+    out[next].children = (uint32_t)count;
+    for (int c = 0; c < children; c++)
+      places[count++] = first + (uint32_t)c;
+  }
+  return count;
+}
+
+/* Adds the cells along one axis to those of a leaf's particles. */
+static void add_cells(const float *restrict places, uint32_t count, float lower, float per_metre, int32_t last,
+                      uint8_t *restrict cells) {
+  for (uint32_t i = 0; i < count; i++) {
+    const int32_t cell = (int32_t)((places[i] - lower) * per_metre);
+    cells[i] = (uint8_t)(cells[i] * MOST_CELLS + (cell < last ? cell : last));
+  }
+}
+
+/* Finds the cells of a leaf's particles; returns how many particles are left: cells with any. */
+static uint32_t find_cells(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, uint8_t *cells) {
+  const float *places[3] = {octree->z, octree->y, octree->x};
+  uint8_t taken[ALL_CELLS] = {0};
+  uint32_t count = 0;
+  if (!c->is_cut) return leaf->count;
+  memset(cells, 0, leaf->count);
+  for (int k = 0; k < 3; k++) {
+    const int axis = 2 - k;
+    add_cells(places[k] + leaf->begin, leaf->count, c->lower[axis], c->cells_per_metre[axis], c->last[axis], cells);
+  }
+  for (uint32_t i = 0; i < leaf->count; i++)
+    taken[cells[i]] = 1;
+  for (int32_t k = 0; k < ALL_CELLS; k++)
+    count += taken[k];
+  return count;
+}
+
+/* Over the particles of a cell: sums of their masses, optical depth times sigma^2, and of those times what they are. */
+enum { MASS, X, Y, Z, VARIANCE, XX, YY, ZZ, XY, XZ, YZ, SUMS = 12 };
+
+static void add_particle(const cutting *c, const fum_octree *octree, uint32_t p, float sums[SUMS]) {
+  const float x = (octree->x[p] - c->lower[0]) * c->per_metre, y = (octree->y[p] - c->lower[1]) * c->per_metre,
+              z = (octree->z[p] - c->lower[2]) * c->per_metre;
+  const float sigma = c->sigma_scale * c->per_metre / octree->inverse_sigmas[p], variance = sigma * sigma;
+  const float mass = octree->optical_depths[p] * variance;
+  const float of[SUMS] = {1.0F, x, y, z, variance, x * x, y * y, z * z, x * y, x * z, y * z, 0.0F};
+  for (int k = 0; k < SUMS; k++)
+    sums[k] += mass * of[k];
+}
+
+/* The Gaussian with the mass, centroid and second moments of a cell. */
+static void emit(const cutting *c, const float sums[SUMS], uint32_t at, fum_octree *out) {
+  const float per_mass = sums[MASS] > 0.0F ? 1.0F / sums[MASS] : 0.0F, unit = 1.0F / c->per_metre;
+  const float x = sums[X] * per_mass, y = sums[Y] * per_mass, z = sums[Z] * per_mass;
+  const float xx = sums[XX] * per_mass - x * x, yy = sums[YY] * per_mass - y * y, zz = sums[ZZ] * per_mass - z * z;
+  const float least = 0.25F; /* the narrowest have more: for cells without any mass */
+  const float spread = (xx + yy + zz) * 0.33333333F, variance = fmaxf(sums[VARIANCE] * per_mass + spread, least);
+  const float stretches[FUM_STRETCHES] = {xx - spread, yy - spread, sums[XY] * per_mass - x * y,
+                                          sums[XZ] * per_mass - x * z, sums[YZ] * per_mass - y * z};
+  out->x[at] = c->lower[0] + x * unit;
+  out->y[at] = c->lower[1] + y * unit;
+  out->z[at] = c->lower[2] + z * unit;
+  out->inverse_sigmas[at] = c->sigma_scale * c->per_metre / sqrtf(variance);
+  out->optical_depths[at] = sums[MASS] / variance;
+  for (int k = 0; k < FUM_STRETCHES; k++)
+    out->stretches[k * (out->count + FUM_OCTREE_PAD) + at] = stretches[k] * unit * unit;
+}
+
+static void fill_leaf(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, const uint8_t *of_cells,
+                      uint32_t at, fum_octree *out) {
+  float cells[ALL_CELLS][SUMS] = {{0.0F}};
+  uint8_t taken[ALL_CELLS] = {0};
+  if (!c->is_cut) {
+    fum_octree_copy(octree, leaf->begin, leaf->count, out, at);
+    return;
+  }
+  for (uint32_t i = 0; i < leaf->count; i++) {
+    taken[of_cells[i]] = 1;
+    add_particle(c, octree, leaf->begin + i, cells[of_cells[i]]);
+  }
+  for (int32_t k = 0; k < ALL_CELLS; k++) {
+    if (taken[k]) emit(c, cells[k], at++, out);
+  }
+}
+
+/* What is needed on the way. */
+typedef struct bunching {
+  fum_octree pruned; /* the octree's particles in fewer nodes, which are owned */
+  widths *of_nodes;  /* [node_count], as are those below */
+  uint32_t *places, *counts;
+  uint8_t *cells; /* [particles] */
+} bunching;
+
+static int32_t begin_bunching(fum_context *context, const fum_octree *octree, bunching *out) {
+  const int64_t nodes = octree->node_count;
+  out->pruned = *octree;
+  out->pruned.nodes = NULL;
+  int32_t status = fum_alloc(context, nodes, sizeof *octree->nodes, WHAT, &out->pruned.nodes);
+  if (status == FUM_OK) status = fum_alloc(context, nodes, sizeof *out->of_nodes, WHAT, &out->of_nodes);
+  if (status == FUM_OK) status = fum_alloc(context, nodes + 1, sizeof *out->places, WHAT, &out->places);
+  if (status == FUM_OK) status = fum_alloc(context, nodes, sizeof *out->counts, WHAT, &out->counts);
+  if (status == FUM_OK) status = fum_alloc(context, octree->count, sizeof *out->cells, WHAT, &out->cells);
+  return status;
+}
+
+static void end_bunching(fum_context *context, bunching *b) {
+  fum_free(context, &b->cells);
+  fum_free(context, &b->counts);
+  fum_free(context, &b->places);
+  fum_free(context, &b->of_nodes);
+  fum_free(context, &b->pruned.nodes);
+}
+
+static int64_t count_all(fum_context *context, const fum_bunch_options *options, const bunching *b) {
+  int64_t count = 0;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 64) reduction(+ : count)
+  for (int64_t i = 0; i < b->pruned.node_count; i++) {
+    const fum_octree_node *node = &b->pruned.nodes[i];
+    if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
+    const cutting c = cut(node, &b->of_nodes[i], options);
+    b->counts[i] = find_cells(&b->pruned, node, &c, b->cells + node->begin);
+    count += b->counts[i];
+  }
+  return count;
+}
+
+static void fill_all(fum_context *context, const fum_bunch_options *options, const bunching *b, fum_octree *out) {
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 64)
+  for (int64_t i = 0; i < b->pruned.node_count; i++) {
+    const fum_octree_node *node = &b->pruned.nodes[i];
+    if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
+    const cutting c = cut(node, &b->of_nodes[i], options);
+    fill_leaf(&b->pruned, node, &c, b->cells + node->begin, out->nodes[i].begin, out);
+  }
+}
+
+int32_t fum_octree_bunch(fum_context *context, const fum_octree *octree, const fum_bunch_options *options,
+                         fum_octree **out_bunched) {
+  bunching b = {0};
+  fum_octree *bunched = NULL;
+  int32_t status = begin_bunching(context, octree, &b);
+  if (status != FUM_OK) goto done;
+  find_all_widths(context, octree, b.of_nodes);
+  b.pruned.node_count = prune(octree, options, b.places, b.of_nodes, b.pruned.nodes);
+  const int64_t count = count_all(context, options, &b);
+  if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
+  if (status != FUM_OK || 2 * count > octree->count) goto done;
+  status = fum_octree_thin(context, &b.pruned, b.counts, &bunched);
+  if (status == FUM_OK)
+    status = fum_alloc(context, FUM_STRETCHES * (count + FUM_OCTREE_PAD), sizeof(float), WHAT, &bunched->stretches);
+  if (status != FUM_OK) goto done;
+  fill_all(context, options, &b, bunched);
+  if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
+done:
+  end_bunching(context, &b);
+  if (status == FUM_OK) {
+    *out_bunched = bunched;
+  } else {
+    fum_octree_destroy(context, bunched);
+  }
+  return status;
+}
