@@ -99,8 +99,12 @@ static int32_t sort_digits(fum_context *context, int64_t count, int shift, uint6
   if (fum_is_cancelled(context)) {
     status = FUM_ERROR_CANCELLED;
   } else if (from.keys != keys) {
-    memcpy(keys, from.keys, (size_t)count * sizeof *keys);
-    if (values != NULL) memcpy(values, from.values, (size_t)count * sizeof *values);
+#pragma omp parallel for num_threads(blocks) schedule(static)
+    for (int block = 0; block < blocks; block++) {
+      const int64_t begin = block_begin(count, block, blocks), left = block_begin(count, block + 1, blocks) - begin;
+      memcpy(keys + begin, from.keys + begin, (size_t)left * sizeof *keys);
+      if (values != NULL) memcpy(values + begin, from.values + begin, (size_t)left * sizeof *values);
+    }
   }
 done:
   fum_free(context, &scratch.values);

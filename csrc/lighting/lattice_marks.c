@@ -255,20 +255,38 @@ static int64_t sample_of(const fum_lattice_face *grid, int64_t block, int bit, i
   return grid->first + out_place[1] * grid->columns + out_place[0];
 }
 
-int32_t fum_marks_collect(fum_context *context, const fum_marks *m, fum_lattice *lattice) {
-  int64_t n = 0, place[2];
-  for (int64_t w = 0; w < m->firsts[lattice->face_count]; w++)
-    lattice->lit_count += __builtin_popcountll(m->words[w]);
-  const int32_t status =
-      fum_alloc(context, lattice->lit_count, sizeof *lattice->samples, "lattice of light", &lattice->samples);
-  for (int32_t f = 0; f < lattice->face_count && status == FUM_OK; f++) {
-    for (int64_t w = m->firsts[f]; w < m->firsts[f + 1]; w++) {
-      for (uint64_t word = m->words[w]; word != 0; word &= word - 1) {
-        const int bit = __builtin_ctzll(word);
-        lattice->samples[n++] = (uint32_t)sample_of(&lattice->faces[f], w - m->firsts[f], bit, place);
-      }
+static int64_t count_marks(const fum_marks *m, int32_t face) {
+  int64_t count = 0;
+  for (int64_t w = m->firsts[face]; w < m->firsts[face + 1]; w++)
+    count += __builtin_popcountll(m->words[w]);
+  return count;
+}
+
+static void collect_face(const fum_marks *m, const fum_lattice *lattice, int32_t face, int64_t n) {
+  int64_t place[2];
+  for (int64_t w = m->firsts[face]; w < m->firsts[face + 1]; w++) {
+    for (uint64_t word = m->words[w]; word != 0; word &= word - 1) {
+      const int bit = __builtin_ctzll(word);
+      lattice->samples[n++] = (uint32_t)sample_of(&lattice->faces[face], w - m->firsts[face], bit, place);
     }
   }
+}
+
+int32_t fum_marks_collect(fum_context *context, const fum_marks *m, fum_lattice *lattice) {
+  const char *what = "lattice of light";
+  const int32_t faces = lattice->face_count;
+  int64_t *begins = NULL;
+  int32_t status = fum_alloc(context, faces, sizeof *begins, what, &begins);
+  for (int32_t f = 0; f < faces && status == FUM_OK; f++) {
+    begins[f] = lattice->lit_count;
+    lattice->lit_count += count_marks(m, f);
+  }
+  if (status == FUM_OK)
+    status = fum_alloc(context, lattice->lit_count, sizeof *lattice->samples, what, &lattice->samples);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic)
+  for (int32_t f = 0; f < (status == FUM_OK ? faces : 0); f++)
+    collect_face(m, lattice, f, begins[f]);
+  fum_free(context, &begins);
   return status;
 }
 

@@ -49,15 +49,25 @@ static void extend(bounds *box, const double point[3]) {
   }
 }
 
+static void extend_by_set(fum_context *context, const fum_particles *set, bounds *box) {
+  double lx = INFINITY, ly = INFINITY, lz = INFINITY, ux = -INFINITY, uy = -INFINITY, uz = -INFINITY;
+#pragma omp parallel for num_threads(fum_thread_count(context)) reduction(min : lx, ly, lz) reduction(max : ux, uy, uz)
+  for (int64_t i = 0; i < set->count; i++) {
+    const double x = (double)set->positions[3 * i], y = (double)set->positions[3 * i + 1],
+                 z = (double)set->positions[3 * i + 2];
+    lx = fum_least(lx, x), ux = fum_most(ux, x);
+    ly = fum_least(ly, y), uy = fum_most(uy, y);
+    lz = fum_least(lz, z), uz = fum_most(uz, z);
+  }
+  if (set->count == 0) return;
+  extend(box, (double[3]){lx, ly, lz});
+  extend(box, (double[3]){ux, uy, uz});
+}
+
 void fum_scene_find_origin(fum_scene *scene) {
   bounds box = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-  for (int32_t s = 0; s < scene->particles_count; s++) {
-    const fum_particles *set = &scene->particles[s];
-    for (int64_t i = 0; i < set->count; i++) {
-      const float *p = set->positions + 3 * i;
-      extend(&box, (double[3]){(double)p[0], (double)p[1], (double)p[2]});
-    }
-  }
+  for (int32_t s = 0; s < scene->particles_count; s++)
+    extend_by_set(scene->context, &scene->particles[s], &box);
   for (int32_t m = 0; scene->particle_count == 0 && m < scene->mesh_count; m++) {
     const fum_mesh *mesh = &scene->meshes[m];
     for (int64_t i = 0; i < mesh->vertex_count; i++) {
