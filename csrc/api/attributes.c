@@ -150,9 +150,13 @@ static int32_t make_crypto(drawing *d) {
   return status;
 }
 
+bool fum_attributes_are_wanted(const fum_rendering *r) {
+  return r->albedo != NULL || r->vector != NULL || r->crypto_count > 0;
+}
+
 int32_t fum_attributes_make(fum_rendering *r, fum_draw_values_fn draw_values, void *user) {
   drawing d = {.r = r, .draw = draw_values, .user = user};
-  if (r->albedo == NULL && r->vector == NULL && r->crypto_count == 0) return FUM_OK;
+  if (!fum_attributes_are_wanted(r)) return FUM_OK;
   const int64_t count = r->scene->caches->all->count;
   int32_t status = fum_alloc(r->context, count, 3 * sizeof *d.values, "values of the particles", &d.values);
   if (status == FUM_OK) status = fum_alloc(r->context, pixel_count(r), 4 * sizeof *d.rgba, "passes", &d.rgba);

@@ -10,6 +10,8 @@
  * particles' maps. */
 typedef int32_t (*fum_draw_values_fn)(void *user, const float *values, bool are_colors, float *out_rgba);
 
+bool fum_attributes_are_wanted(const fum_rendering *r);
+
 /* Makes those of the passes that are asked for. */
 int32_t fum_attributes_make(fum_rendering *r, fum_draw_values_fn draw, void *user);
 

@@ -5,7 +5,7 @@
 #include "api/smeared.h"
 #include "api/smeared_parts.h"
 #include "api/solid_shadow.h"
-#include "billboard/tiles.h"
+#include "billboard/coarse.h"
 #include "lighting/centres.h"
 #include "lighting/inscatter.h"
 
@@ -253,6 +253,32 @@ static int32_t draw_others(fum_rendering *r, const fum_lighting *lighting, const
   return status;
 }
 
+/* Is more drawn with the splats than what comes out of one drawing? */
+static bool draws_more(const fum_rendering *r, const fum_tile_job *job) {
+  return job->deep != NULL || fum_attributes_are_wanted(r) || fum_solid_shadow_is_wanted(r) || r->error != NULL;
+}
+
+/* Draws the smoke, on a coarser grid where it is smooth. */
+static int32_t draw(fum_rendering *r, const fum_splats_options *options, fum_tile_job *job, fum_splats *splats) {
+  const double start_s = fum_now_s();
+  if (options->smears == NULL && !job->has_maps && !draws_more(r, job)) {
+    fum_coarse_report report;
+    const int32_t status = fum_coarse_draw(r->context, job, options, r->settings.tolerance, splats, &report);
+    r->stats.drawn_count = report.seen_count;
+    r->stats.sort_s = report.sort_s;
+    r->stats.draw_s = report.draw_s;
+    return status;
+  }
+  int32_t status = fum_splats_find(r->context, job->octree, job->view, job->slabs, options, splats);
+  if (status != FUM_OK) return status;
+  fum_tiles_shade_dust(r->context, job, splats);
+  r->stats.drawn_count = splats->seen_count;
+  r->stats.sort_s = fum_now_s() - start_s;
+  status = fum_tiles_draw(r->context, job);
+  r->stats.draw_s = fum_now_s() - start_s - r->stats.sort_s;
+  return status;
+}
+
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = fum_footprint_sigmas(r->scene, r->settings.tolerance);
@@ -284,7 +310,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
                       .deep = r->deep,
                       /* pictures of single channels are divided once more when they are joined */
                       .deep_tolerance = (r->channel_share < 1.0F ? 0.5F : 1.0F) * r->settings.tolerance};
-  double start_s = fum_now_s();
+  const double start_s = fum_now_s();
   fum_solid_shadow_begin(r);
   int32_t status = fum_tiles_find_looks(r->scene, classes, &job);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, all, &lighting);
@@ -300,20 +326,12 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   r->stats.meter_s += meter.seconds;
   fum_note_lighting(&lighting, r);
   r->stats.light_s = fum_now_s() - start_s - r->stats.meter_s;
-  start_s = fum_now_s();
   const fum_footprints footprints = drawn_footprints(r, &light.slabs);
   const fum_splats_options drawn = {.smears = blurred.smears.items != NULL ? &blurred.smears : NULL,
                                     .footprints = footprints,
                                     .thinnest = job.thinnest,
                                     .least_blur = fum_least_blur(&r->settings)};
-  status = fum_splats_find(r->context, all, &r->view, &light.slabs, &drawn, &splats);
-  if (status != FUM_OK) goto done;
-  fum_tiles_shade_dust(r->context, &job, &splats);
-  r->stats.drawn_count = splats.seen_count;
-  r->stats.sort_s = fum_now_s() - start_s;
-  start_s = fum_now_s();
-  status = fum_tiles_draw(r->context, &job);
-  r->stats.draw_s = fum_now_s() - start_s;
+  status = draw(r, &drawn, &job, &splats);
   job.deep = NULL; /* that was it */
   if (status == FUM_OK) status = draw_others(r, &lighting, &light, &job);
   memcpy(r->stats.device, "tiles", sizeof "tiles");

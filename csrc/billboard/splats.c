@@ -177,8 +177,8 @@ static void find_tiles(const fum_splat *s, int axis, int32_t count, int32_t out[
   out[1] = tiles[1] < end ? (int32_t)tiles[1] : count - 1;
 }
 
-/* Calls for every tile that the splat touches: counts it, or writes it down at the place that was counted. */
-static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32_t *out) {
+/* Counts every wanted tile (NULL: all are) that the splat touches, or writes it down at the place that was counted. */
+static void touch_tiles(const fum_splats *s, int64_t i, const uint8_t *wanted, int64_t *cursors, uint32_t *out) {
   const fum_splat *splat = &s->splats[i];
   if (!is_seen(splat)) return;
   int32_t columns[2], rows[2];
@@ -194,7 +194,9 @@ static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32
       if (has_corners && gap + fum_splat_gap(splat, 0, x0, x0 + (float)(FUM_TILE - 1)) > splat->rim) continue;
       const float half = 0.5F * (float)(FUM_TILE - 1), diagonal = 1.4143F * half;
       if (has_corners && streak != NULL && !fum_streak_touches(streak, x0 + half, y0 + half, diagonal)) continue;
-      const int64_t at = cursors[(int64_t)row * s->columns + column]++;
+      const int64_t tile = (int64_t)row * s->columns + column;
+      if (wanted != NULL && !wanted[tile]) continue;
+      const int64_t at = cursors[tile]++;
       if (out != NULL) out[at] = (uint32_t)i;
     }
   }
@@ -202,7 +204,7 @@ static void touch_tiles(const fum_splats *s, int64_t i, int64_t *cursors, uint32
 
 /* Counting sort: each block of particles counts its tiles, then writes to places of its own, so that every tile's
  * splats stay in order whatever the number of threads. */
-static int32_t sort_into_tiles(fum_context *context, fum_splats *s) {
+static int32_t sort_into_tiles(fum_context *context, const uint8_t *wanted, fum_splats *s) {
   const int64_t tiles = (int64_t)s->columns * s->rows;
   const int blocks = fum_thread_count(context);
   int64_t *cursors = NULL;
@@ -213,7 +215,7 @@ static int32_t sort_into_tiles(fum_context *context, fum_splats *s) {
   for (int block = 0; block < blocks; block++) {
     const int64_t end = s->count * (block + 1) / blocks;
     for (int64_t i = s->count * block / blocks; i < end; i++)
-      touch_tiles(s, i, cursors + block * tiles, NULL);
+      touch_tiles(s, i, wanted, cursors + block * tiles, NULL);
   }
   int64_t total = 0;
   for (int64_t tile = 0; tile < tiles; tile++) {
@@ -231,7 +233,7 @@ static int32_t sort_into_tiles(fum_context *context, fum_splats *s) {
   for (int block = 0; block < blocks; block++) {
     const int64_t end = s->count * (block + 1) / blocks;
     for (int64_t i = s->count * block / blocks; i < end; i++) {
-      touch_tiles(s, i, cursors + block * tiles, s->tile_splats);
+      touch_tiles(s, i, wanted, cursors + block * tiles, s->tile_splats);
     }
   }
 done:
@@ -258,7 +260,7 @@ int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fu
   }
   s.seen_count = seen;
   status = fum_progress_report(context, FUM_STAGE_SORTING, 0.5F, "Sorting particles into tiles");
-  if (status == FUM_OK) status = sort_into_tiles(context, &s);
+  if (status == FUM_OK) status = sort_into_tiles(context, NULL, &s);
 done:
   if (status == FUM_OK) {
     *out_splats = s;
@@ -266,6 +268,42 @@ done:
     fum_splats_free(context, &s);
   }
   return status;
+}
+
+/* Only its place in the picture is another one, unless it was widened. */
+static void see_again(const lens *l, const fum_splats_again *again, int64_t i, fum_splat *s) {
+  if (again->is_asked == NULL || s->width > s->sigma) {
+    *s = see(l, i, NULL);
+    return;
+  }
+  for (int axis = 0; axis < 2; axis++) {
+    s->middle_px[axis] = s->middle_px[axis] * again->scale + again->shift[axis];
+    s->half_px[axis] *= again->scale;
+  }
+}
+
+int32_t fum_splats_see_again(fum_context *context, const fum_octree *octree, const fum_view *view,
+                             const fum_slabs *slabs, const fum_splats_options *options, const fum_splats_again *again,
+                             fum_splats *splats) {
+  const lens l = make_lens(octree, view, slabs, options);
+  int64_t seen = 0;
+  fum_free(context, &splats->tile_begins);
+  fum_free(context, &splats->tile_splats);
+  splats->columns = (view->width + FUM_TILE - 1) / FUM_TILE;
+  splats->rows = (view->height + FUM_TILE - 1) / FUM_TILE;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : seen)
+  for (int64_t i = 0; i < splats->count; i++) {
+    fum_splat *s = &splats->splats[i];
+    if (fum_progress_in_loop(context, i, 1 << 16) || !is_seen(s)) continue;
+    if (again->is_asked == NULL || again->is_asked(again->user, s)) {
+      see_again(&l, again, i, s);
+    } else {
+      s->half_px[0] = 0.0F;
+    }
+    seen += is_seen(s);
+  }
+  splats->seen_count = seen;
+  return fum_is_cancelled(context) ? FUM_ERROR_CANCELLED : sort_into_tiles(context, again->wanted, splats);
 }
 
 void fum_splats_free(fum_context *context, fum_splats *splats) {

@@ -60,6 +60,19 @@ typedef struct fum_splats_options {
 
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                         const fum_splats_options *options, fum_splats *out_splats);
+
+/* What is left of splats, without streaks, when they are seen in a picture of the same camera with other pixels. */
+typedef struct fum_splats_again {
+  bool (*is_asked)(const void *user, const fum_splat *splat); /* of the others none is seen; NULL: all are asked for and
+                                                                 seen anew */
+  const void *user;
+  const uint8_t *wanted; /* [columns rows] tiles that they are sorted into; NULL: all */
+  float scale, shift[2]; /* from the old pixels to the new ones */
+} fum_splats_again;
+
+int32_t fum_splats_see_again(fum_context *context, const fum_octree *octree, const fum_view *view,
+                             const fum_slabs *slabs, const fum_splats_options *options, const fum_splats_again *again,
+                             fum_splats *splats);
 void fum_splats_free(fum_context *context, fum_splats *splats);
 
 #endif

@@ -33,6 +33,7 @@ typedef struct fum_tile_job {
   const fum_view *view;
   const fum_slabs *slabs;
   const fum_splats *splats;
+  const uint8_t *wanted;    /* [tiles of the splats] those that are drawn; NULL: all */
   const fum_smears *smears; /* of the splats that have streaks... */
   const fum_bokeh *bokeh;   /* ...and what they are like out of focus; empty if all is in focus */
   const fum_lattice *lattice;

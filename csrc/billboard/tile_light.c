@@ -8,9 +8,6 @@
 
 #include <string.h>
 
-/* Rows that a tile can see of a face: samples are at least a pixel apart, and cubic interpolation takes two beyond. */
-enum { MAX_ROWS = FUM_TILE + 8 };
-
 /* Where a tile's columns or rows lie between samples. */
 typedef struct taps {
   int32_t first[FUM_TILE];
@@ -38,23 +35,23 @@ static void interpolate(const fum_lattice_face *face, const float *values, const
   taps across, up;
   find_taps(u, face->origin[0], face->spacing[0], &across);
   find_taps(v, face->origin[1], face->spacing[1], &up);
-  const int32_t first_row = up.first[0], row_count = up.first[FUM_TILE - 1] + 4 - first_row;
-  float rows[MAX_ROWS][FUM_TILE];
-  for (int32_t r = 0; r < row_count && r < MAX_ROWS; r++) {
-    const float *row = values + face->first + (int64_t)clamp_index(first_row + r, face->rows) * face->columns;
-    for (int32_t x = 0; x < FUM_TILE; x++) {
-      float sum = 0.0F;
-      for (int32_t k = 0; k < 4; k++)
-        sum += across.weights[k][x] * row[clamp_index(across.first[x] + k, face->columns)];
-      rows[r][x] = sum;
-    }
-  }
+  float rows[4][FUM_TILE]; /* row r of the face is kept at r & 3 */
+  int32_t next = up.first[0];
   for (int32_t y = 0; y < FUM_TILE; y++) {
-    const int32_t base = up.first[y] - first_row;
+    for (int32_t r = next > up.first[y] ? next : up.first[y]; r < up.first[y] + 4; r++) {
+      const float *row = values + face->first + (int64_t)clamp_index(r, face->rows) * face->columns;
+      for (int32_t x = 0; x < FUM_TILE; x++) {
+        float sum = 0.0F;
+        for (int32_t k = 0; k < 4; k++)
+          sum += across.weights[k][x] * row[clamp_index(across.first[x] + k, face->columns)];
+        rows[r & 3][x] = sum;
+      }
+    }
+    next = up.first[y] + 4;
     for (int32_t x = 0; x < FUM_TILE; x++) {
       float sum = 0.0F;
       for (int32_t k = 0; k < 4; k++)
-        sum += up.weights[k][y] * rows[base + k][x];
+        sum += up.weights[k][y] * rows[(up.first[y] + k) & 3][x];
       out[fum_tile_pixel(x, y)] = sum;
     }
   }

@@ -124,7 +124,7 @@ int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job) {
 #pragma omp for schedule(dynamic)
     for (int64_t i = 0; i < tiles; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
-      render_tile(job, i, &scratch);
+      if (job->wanted == NULL || job->wanted[i]) render_tile(job, i, &scratch);
       if (job->deep != NULL && !fum_deep_end(scratch.deep, job, i)) scratch.is_out_of_memory = true;
       if (scratch.is_out_of_memory) atomic_store(&is_out_of_memory, true);
       const int64_t done = atomic_fetch_add(&tiles_done, 1) + 1;

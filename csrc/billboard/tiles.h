@@ -12,7 +12,7 @@ int32_t fum_tiles_find_looks(const fum_scene *scene, fum_tile_class classes[FUM_
 /* Finds splats' self_shade. */
 void fum_tiles_shade_dust(fum_context *context, fum_tile_job *job, fum_splats *splats);
 
-/* Renders all tiles into job->rgba, which is zeroed. */
+/* Renders all tiles, or those that are wanted, into job->rgba, which is zeroed there. */
 int32_t fum_tiles_draw(fum_context *context, const fum_tile_job *job);
 
 #endif

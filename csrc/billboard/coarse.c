@@ -1,0 +1,324 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#include "billboard/coarse.h"
+
+#include "base/vector.h"
+#include "billboard/coarse_grid.h"
+#include "billboard/spline.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Error of what is interpolated, over the tolerance: relative to the pixel's own value and, where it is darker, to the
+ * mean of what is seen of the smoke. */
+static const float ERROR_SHARE = 0.05F;
+/* A spline of the fifth degree through samples of a smooth function is off by its sixth difference / 15360 at most;
+ * through particles as narrow as they may be, by a few times as much. */
+static const float ERROR_PER_DIFFERENCE = 4.0F / 15360.0F;
+
+/* One of the pictures that are drawn. */
+typedef struct plane {
+  fum_spline spline;
+  float *pixels; /* [height][width][channels], in full */
+  float means[4];
+} plane;
+
+/* What a picture is made with. */
+typedef struct painting {
+  fum_context *context;
+  fum_tile_job *job;
+  fum_coarse_grid grid;
+  uint8_t *smooth; /* [tiles of the picture] those with smoke that are interpolated */
+  uint8_t *needed; /* [tiles of the grid] for them */
+  int32_t plane_count;
+  plane *planes;     /* [plane_count]; the first one is Combined */
+  float **light_rgb; /* [lights] of the grid */
+} painting;
+
+static int32_t add_plane(painting *p, int32_t channels, float *pixels, float **out_values) {
+  const fum_view *view = &p->grid.view;
+  plane *added = &p->planes[p->plane_count++];
+  added->spline = (fum_spline){.columns = view->width, .rows = view->height, .channels = channels};
+  added->pixels = pixels;
+  const int32_t status = fum_alloc(p->context, (int64_t)view->width * view->height, (size_t)channels * sizeof(float),
+                                   "picture of smooth smoke", &added->spline.values);
+  *out_values = added->spline.values;
+  return status;
+}
+
+/* The job on the grid, where no solid is in front. */
+static int32_t begin_coarse(painting *p, fum_tile_job *coarse) {
+  const fum_tile_job *job = p->job;
+  const int32_t lights = job->scene->light_count;
+  int32_t status = fum_alloc(p->context, lights + 2, sizeof *p->planes, "picture of smooth smoke", &p->planes);
+  if (status == FUM_OK)
+    status = fum_alloc(p->context, lights, sizeof *p->light_rgb, "picture of smooth smoke", &p->light_rgb);
+  *coarse = *job;
+  coarse->view = &p->grid.view;
+  coarse->solid_depths = coarse->solid_behind = coarse->solid_shares = NULL;
+  coarse->through[0] = coarse->through[1] = NULL;
+  if (status == FUM_OK) status = add_plane(p, 4, job->rgba, &coarse->rgba);
+  if (status == FUM_OK && job->emission != NULL) status = add_plane(p, 3, job->emission, &coarse->emission);
+  for (int32_t l = 0; l < lights && job->light_rgb != NULL && status == FUM_OK; l++) {
+    if (job->light_rgb[l] != NULL) status = add_plane(p, 3, job->light_rgb[l], &p->light_rgb[l]);
+  }
+  coarse->light_rgb = job->light_rgb != NULL ? p->light_rgb : NULL;
+  return status;
+}
+
+static void end_painting(painting *p) {
+  for (int32_t k = 0; k < p->plane_count; k++)
+    fum_free(p->context, &p->planes[k].spline.values);
+  fum_free(p->context, &p->planes);
+  fum_free(p->context, &p->light_rgb);
+  fum_free(p->context, &p->needed);
+  fum_free(p->context, &p->smooth);
+  fum_coarse_grid_end(p->context, &p->grid);
+}
+
+/* Points of the grid that a tile lies between, along an axis. */
+static void points_of(const painting *p, int32_t tile, int32_t side, int32_t out[2]) {
+  const int32_t end = (tile + 1) * FUM_TILE < side ? (tile + 1) * FUM_TILE : side;
+  out[0] = fum_coarse_grid_point(&p->grid, tile * FUM_TILE);
+  out[1] = fum_coarse_grid_point(&p->grid, end - 1) + 1;
+}
+
+/* Do splats of the grid touch the tile? */
+static bool has_smoke(const painting *p, int64_t tile) {
+  const fum_splats *splats = p->job->splats;
+  int32_t x[2], y[2];
+  points_of(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
+  points_of(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
+  for (int32_t row = y[0] / FUM_TILE; row <= y[1] / FUM_TILE; row++) {
+    const int64_t *begins = splats->tile_begins + (int64_t)row * splats->columns;
+    if (begins[x[0] / FUM_TILE] < begins[x[1] / FUM_TILE + 1]) return true;
+  }
+  return false;
+}
+
+/* Sorts tiles into those without smoke, smooth ones and those that are drawn pixel by pixel. */
+static int32_t sort_tiles(painting *p, fum_coarse_report *out) {
+  const int64_t tiles = (int64_t)p->grid.columns * p->grid.rows;
+  const int32_t status = fum_alloc(p->context, tiles, sizeof *p->smooth, "tiles", &p->smooth);
+  for (int64_t i = 0; i < tiles && status == FUM_OK; i++) {
+    const bool counts = has_smoke(p, i);
+    p->smooth[i] = counts && !p->grid.fine[i];
+    out->tile_count += counts;
+    out->fine_count += counts && p->grid.fine[i];
+  }
+  return status;
+}
+
+/* Marks tiles of the grid that splines through a smooth tile's points ask for. */
+static void need(const painting *p, int64_t tile) {
+  const int32_t columns = p->job->splats->columns, most = FUM_COARSE_MARGIN - 1;
+  int32_t x[2], y[2];
+  points_of(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
+  points_of(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
+  for (int32_t row = (y[0] - most) / FUM_TILE; row <= (y[1] + most) / FUM_TILE; row++) {
+    for (int32_t column = (x[0] - most) / FUM_TILE; column <= (x[1] + most) / FUM_TILE; column++)
+      p->needed[row * columns + column] = 1;
+  }
+}
+
+/* Means of the channels where smoke is seen, weighted with its opacity. */
+static int32_t find_means(painting *p) {
+  const int32_t columns = p->grid.view.width, rows = p->grid.view.height;
+  const float *alphas = p->planes[0].spline.values;
+  double *sums = NULL; /* of each row, so that they don't depend on the threads */
+  const int32_t status = fum_alloc(p->context, rows, 5 * sizeof *sums, "picture of smooth smoke", &sums);
+  for (int32_t k = 0; k < p->plane_count && status == FUM_OK; k++) {
+    plane *of = &p->planes[k];
+    const int32_t channels = of->spline.channels;
+#pragma omp parallel for num_threads(fum_thread_count(p->context)) schedule(static)
+    for (int32_t y = 0; y < rows; y++) {
+      double row[5] = {0.0};
+      for (int32_t x = 0; x < columns; x++) {
+        const int64_t at = (int64_t)y * columns + x;
+        const float alpha = alphas[4 * at + 3];
+        for (int32_t c = 0; c < channels; c++)
+          row[c] += (double)(alpha * of->spline.values[at * channels + c]);
+        row[4] += (double)alpha;
+      }
+      memcpy(sums + 5 * y, row, sizeof row);
+    }
+    double total[5] = {0.0};
+    for (int32_t i = 0; i < 5 * rows; i++)
+      total[i % 5] += sums[i];
+    for (int32_t c = 0; c < channels; c++)
+      of->means[c] = total[4] > 0.0 ? (float)(total[c] / total[4]) : 0.0F;
+  }
+  fum_free(p->context, &sums);
+  return status;
+}
+
+static float sixth_difference(const float *at, int64_t stride) {
+  return fabsf(at[-3 * stride] + at[3 * stride] - 6.0F * (at[-2 * stride] + at[2 * stride]) +
+               15.0F * (at[-stride] + at[stride]) - 20.0F * at[0]);
+}
+
+/* The largest error of the plane between the points of a rectangle, over what is allowed. */
+static float find_error(const plane *p, const int32_t x[2], const int32_t y[2]) {
+  const int32_t channels = p->spline.channels;
+  const int64_t row = (int64_t)p->spline.columns * channels;
+  float worst = 0.0F;
+  for (int32_t j = y[0]; j <= y[1]; j++) {
+    for (int32_t i = x[0]; i <= x[1]; i++) {
+      const float *at = p->spline.values + j * row + (int64_t)i * channels;
+      for (int32_t c = 0; c < channels; c++) {
+        const float difference = sixth_difference(at + c, channels) + sixth_difference(at + c, row);
+        worst = fum_max(worst, difference / (fabsf(at[c]) + p->means[c] + 1e-30F));
+      }
+    }
+  }
+  return worst;
+}
+
+/* Finds the smooth tiles that aren't: the grid's points don't tell enough of them. */
+static int64_t find_rough(const painting *p, float tolerance) {
+  const float most = ERROR_SHARE * tolerance / ERROR_PER_DIFFERENCE;
+  int64_t count = 0;
+#pragma omp parallel for num_threads(fum_thread_count(p->context)) schedule(dynamic) reduction(+ : count)
+  for (int64_t i = 0; i < (int64_t)p->grid.columns * p->grid.rows; i++) {
+    int32_t x[2], y[2];
+    if (!p->smooth[i]) continue;
+    points_of(p, (int32_t)(i % p->grid.columns), p->grid.whole->width, x);
+    points_of(p, (int32_t)(i / p->grid.columns), p->grid.whole->height, y);
+    for (int32_t k = 0; k < p->plane_count && p->smooth[i]; k++)
+      p->smooth[i] = find_error(&p->planes[k], x, y) <= most;
+    p->grid.fine[i] = !p->smooth[i];
+    count += p->grid.fine[i];
+  }
+  return count;
+}
+
+/* Splines swing a little where there is nothing. */
+static void limit(float *pixels, int32_t channels, int32_t count) {
+  for (int32_t i = 0; i < channels * count; i++)
+    pixels[i] = fum_max(pixels[i], 0.0F);
+  for (int32_t i = 0; i < count && channels == 4; i++)
+    pixels[4 * i + 3] = fum_min(pixels[4 * i + 3], 1.0F);
+}
+
+/* No solid is in front, and none is in any pixel: what is seen through is what isn't covered. */
+static void note_through(const fum_tile_job *job, int64_t pixel, int32_t count) {
+  for (int64_t i = pixel; i < pixel + count && job->through[0] != NULL; i++)
+    job->through[0][i] = 1.0F - job->rgba[4 * i + 3];
+}
+
+/* One row of a tile's pixels. `coefficients`: room for a row of the grid. */
+static void interpolate_row(const painting *p, const fum_spline_taps *taps, int32_t x, int32_t y, float *coefficients) {
+  const int32_t width = p->grid.whole->width, shift = FUM_COARSE_MARGIN * taps->step;
+  const int32_t count = width - x < FUM_TILE ? width - x : FUM_TILE;
+  const int64_t pixel = (int64_t)y * width + x;
+  for (int32_t k = 0; k < p->plane_count; k++) {
+    const plane *of = &p->planes[k];
+    const int32_t channels = of->spline.channels;
+    fum_spline_row(&of->spline, taps, y + shift, x + shift, count, coefficients);
+    fum_spline_points(taps, channels, coefficients, x + shift, count, of->pixels + pixel * channels);
+    limit(of->pixels + pixel * channels, channels, count);
+  }
+  note_through(p->job, pixel, count);
+}
+
+static int32_t interpolate(const painting *p) {
+  const fum_spline_taps taps = fum_spline_find_taps(p->grid.step);
+  const int64_t tiles = (int64_t)p->grid.columns * p->grid.rows;
+  bool has_memory = true;
+  for (int32_t k = 0; k < p->plane_count; k++)
+    fum_spline_fit(p->context, &p->planes[k].spline);
+#pragma omp parallel num_threads(fum_thread_count(p->context)) reduction(&& : has_memory)
+  {
+    float *row = malloc(4 * (size_t)p->grid.view.width * sizeof *row);
+    has_memory = row != NULL;
+#pragma omp for schedule(dynamic)
+    for (int64_t i = 0; i < tiles; i++) {
+      const int32_t x = (int32_t)(i % p->grid.columns) * FUM_TILE, y0 = (int32_t)(i / p->grid.columns) * FUM_TILE;
+      if (!p->smooth[i] || row == NULL) continue;
+      for (int32_t y = y0; y < y0 + FUM_TILE && y < p->grid.whole->height; y++)
+        interpolate_row(p, &taps, x, y, row);
+    }
+    free(row);
+  }
+  return has_memory ? FUM_OK : fum_fail(p->context, FUM_ERROR_MEMORY, "drawing: no memory for a row of the picture");
+}
+
+/* Does a splat of the grid touch a tile that is drawn pixel by pixel? */
+static bool is_asked(const void *user, const fum_splat *splat) {
+  const fum_coarse_grid *grid = user;
+  int32_t columns[2], rows[2];
+  fum_coarse_grid_tiles(grid, splat, 0, 1.0F, columns);
+  fum_coarse_grid_tiles(grid, splat, 1, 1.0F, rows);
+  for (int32_t row = rows[0]; row <= rows[1]; row++) {
+    for (int32_t column = columns[0]; column <= columns[1]; column++) {
+      if (grid->fine[row * grid->columns + column]) return true;
+    }
+  }
+  return false;
+}
+
+/* Draws tiles pixel by pixel: those that are marked, or all. */
+static int32_t draw_fine(painting *p, const fum_splats_options *options, bool all, fum_splats *splats,
+                         fum_coarse_report *report) {
+  fum_tile_job *job = p->job;
+  const double start_s = fum_now_s();
+  const float step = (float)p->grid.step, shift = 0.5F * step * (1.0F - 2.0F * FUM_COARSE_MARGIN) - 0.5F;
+  const fum_splats_again again = {.is_asked = all ? NULL : is_asked,
+                                  .user = &p->grid,
+                                  .wanted = all ? NULL : p->grid.fine,
+                                  .scale = step,
+                                  .shift = {shift, shift}};
+  int32_t status =
+      splats->splats == NULL
+          ? fum_splats_find(p->context, job->octree, job->view, job->slabs, options, splats)
+          : fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
+  if (status != FUM_OK) return status;
+  if (all) report->seen_count = splats->seen_count;
+  fum_tiles_shade_dust(p->context, job, splats);
+  const double sorted_s = fum_now_s();
+  status = fum_tiles_draw(p->context, job);
+  report->sort_s += sorted_s - start_s;
+  report->draw_s += fum_now_s() - sorted_s;
+  return status;
+}
+
+/* Draws what is smooth enough on the grid, and marks the tiles that aren't. */
+static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *report) {
+  const int64_t tiles = (int64_t)p->grid.columns * p->grid.rows;
+  const fum_splats *splats = p->job->splats;
+  fum_tile_job coarse;
+  int32_t status = begin_coarse(p, &coarse);
+  if (status == FUM_OK)
+    status = fum_alloc(p->context, (int64_t)splats->columns * splats->rows, sizeof *p->needed, "tiles", &p->needed);
+  if (status != FUM_OK) return status;
+  for (int64_t i = 0; i < tiles; i++) {
+    if (p->smooth[i]) need(p, i);
+  }
+  coarse.wanted = p->needed;
+  status = fum_tiles_draw(p->context, &coarse);
+  if (status == FUM_OK) status = find_means(p);
+  if (status != FUM_OK) return status;
+  report->fine_count += find_rough(p, tolerance);
+  return interpolate(p);
+}
+
+int32_t fum_coarse_draw(fum_context *context, fum_tile_job *job, const fum_splats_options *options, float tolerance,
+                        fum_splats *splats, fum_coarse_report *out) {
+  painting p = {.context = context, .job = job};
+  double start_s = fum_now_s();
+  *out = (fum_coarse_report){.step = 1};
+  int32_t status = fum_coarse_grid_begin(context, job, &p.grid);
+  if (status == FUM_OK && p.grid.step > 1) {
+    status = fum_splats_find(context, job->octree, &p.grid.view, job->slabs, options, splats);
+    if (status == FUM_OK) out->seen_count = fum_coarse_grid_mark(context, splats, &p.grid);
+    if (status == FUM_OK) status = sort_tiles(&p, out);
+    if (2 * out->fine_count <= out->tile_count) out->step = p.grid.step;
+  }
+  out->sort_s = fum_now_s() - start_s;
+  start_s = fum_now_s();
+  if (status == FUM_OK && out->step > 1) status = draw_coarse(&p, tolerance, out);
+  out->draw_s = fum_now_s() - start_s;
+  if (status == FUM_OK && (out->step == 1 || out->fine_count > 0))
+    status = draw_fine(&p, options, out->step == 1, splats, out);
+  end_painting(&p);
+  return status;
+}
