@@ -2,25 +2,10 @@
 #include "billboard/coarse.h"
 
 #include "base/vector.h"
+#include "billboard/coarse_error.h"
 #include "billboard/coarse_grid.h"
-#include "billboard/spline.h"
 
 #include <stdlib.h>
-#include <string.h>
-
-/* Error of what is interpolated, over the tolerance: relative to the pixel's own value and, where it is darker, to the
- * mean of what is seen of the smoke. */
-static const float ERROR_SHARE = 0.05F;
-/* A spline of the fifth degree through samples of a smooth function is off by its sixth difference / 15360 at most;
- * through particles as narrow as they may be, by a few times as much. */
-static const float ERROR_PER_DIFFERENCE = 4.0F / 15360.0F;
-
-/* One of the pictures that are drawn. */
-typedef struct plane {
-  fum_spline spline;
-  float *pixels; /* [height][width][channels], in full */
-  float means[4];
-} plane;
 
 /* What a picture is made with. */
 typedef struct painting {
@@ -30,13 +15,13 @@ typedef struct painting {
   uint8_t *smooth; /* [tiles of the picture] those with smoke that are interpolated */
   uint8_t *needed; /* [tiles of the grid] for them */
   int32_t plane_count;
-  plane *planes;     /* [plane_count]; the first one is Combined */
-  float **light_rgb; /* [lights] of the grid */
+  fum_coarse_plane *planes; /* [plane_count]; the first one is Combined */
+  float **light_rgb;        /* [lights] of the grid */
 } painting;
 
 static int32_t add_plane(painting *p, int32_t channels, float *pixels, float **out_values) {
   const fum_view *view = &p->grid.view;
-  plane *added = &p->planes[p->plane_count++];
+  fum_coarse_plane *added = &p->planes[p->plane_count++];
   added->spline = (fum_spline){.columns = view->width, .rows = view->height, .channels = channels};
   added->pixels = pixels;
   const int32_t status = fum_alloc(p->context, (int64_t)view->width * view->height, (size_t)channels * sizeof(float),
@@ -120,62 +105,8 @@ static void need(const painting *p, int64_t tile) {
   }
 }
 
-/* Means of the channels where smoke is seen, weighted with its opacity. */
-static int32_t find_means(painting *p) {
-  const int32_t columns = p->grid.view.width, rows = p->grid.view.height;
-  const float *alphas = p->planes[0].spline.values;
-  double *sums = NULL; /* of each row, so that they don't depend on the threads */
-  const int32_t status = fum_alloc(p->context, rows, 5 * sizeof *sums, "picture of smooth smoke", &sums);
-  for (int32_t k = 0; k < p->plane_count && status == FUM_OK; k++) {
-    plane *of = &p->planes[k];
-    const int32_t channels = of->spline.channels;
-#pragma omp parallel for num_threads(fum_thread_count(p->context)) schedule(static)
-    for (int32_t y = 0; y < rows; y++) {
-      double row[5] = {0.0};
-      for (int32_t x = 0; x < columns; x++) {
-        const int64_t at = (int64_t)y * columns + x;
-        const float alpha = alphas[4 * at + 3];
-        for (int32_t c = 0; c < channels; c++)
-          row[c] += (double)(alpha * of->spline.values[at * channels + c]);
-        row[4] += (double)alpha;
-      }
-      memcpy(sums + 5 * y, row, sizeof row);
-    }
-    double total[5] = {0.0};
-    for (int32_t i = 0; i < 5 * rows; i++)
-      total[i % 5] += sums[i];
-    for (int32_t c = 0; c < channels; c++)
-      of->means[c] = total[4] > 0.0 ? (float)(total[c] / total[4]) : 0.0F;
-  }
-  fum_free(p->context, &sums);
-  return status;
-}
-
-static float sixth_difference(const float *at, int64_t stride) {
-  return fabsf(at[-3 * stride] + at[3 * stride] - 6.0F * (at[-2 * stride] + at[2 * stride]) +
-               15.0F * (at[-stride] + at[stride]) - 20.0F * at[0]);
-}
-
-/* The largest error of the plane between the points of a rectangle, over what is allowed. */
-static float find_error(const plane *p, const int32_t x[2], const int32_t y[2]) {
-  const int32_t channels = p->spline.channels;
-  const int64_t row = (int64_t)p->spline.columns * channels;
-  float worst = 0.0F;
-  for (int32_t j = y[0]; j <= y[1]; j++) {
-    for (int32_t i = x[0]; i <= x[1]; i++) {
-      const float *at = p->spline.values + j * row + (int64_t)i * channels;
-      for (int32_t c = 0; c < channels; c++) {
-        const float difference = sixth_difference(at + c, channels) + sixth_difference(at + c, row);
-        worst = fum_max(worst, difference / (fabsf(at[c]) + p->means[c] + 1e-30F));
-      }
-    }
-  }
-  return worst;
-}
-
 /* Finds the smooth tiles that aren't: the grid's points don't tell enough of them. */
 static int64_t find_rough(const painting *p, float tolerance) {
-  const float most = ERROR_SHARE * tolerance / ERROR_PER_DIFFERENCE;
   int64_t count = 0;
 #pragma omp parallel for num_threads(fum_thread_count(p->context)) schedule(dynamic) reduction(+ : count)
   for (int64_t i = 0; i < (int64_t)p->grid.columns * p->grid.rows; i++) {
@@ -184,7 +115,7 @@ static int64_t find_rough(const painting *p, float tolerance) {
     points_of(p, (int32_t)(i % p->grid.columns), p->grid.whole->width, x);
     points_of(p, (int32_t)(i / p->grid.columns), p->grid.whole->height, y);
     for (int32_t k = 0; k < p->plane_count && p->smooth[i]; k++)
-      p->smooth[i] = find_error(&p->planes[k], x, y) <= most;
+      p->smooth[i] = !fum_coarse_is_rough(&p->planes[k], tolerance, x, y);
     p->grid.fine[i] = !p->smooth[i];
     count += p->grid.fine[i];
   }
@@ -211,7 +142,7 @@ static void interpolate_row(const painting *p, const fum_spline_taps *taps, int3
   const int32_t count = width - x < FUM_TILE ? width - x : FUM_TILE;
   const int64_t pixel = (int64_t)y * width + x;
   for (int32_t k = 0; k < p->plane_count; k++) {
-    const plane *of = &p->planes[k];
+    const fum_coarse_plane *of = &p->planes[k];
     const int32_t channels = of->spline.channels;
     fum_spline_row(&of->spline, taps, y + shift, x + shift, count, coefficients);
     fum_spline_points(taps, channels, coefficients, x + shift, count, of->pixels + pixel * channels);
@@ -267,10 +198,9 @@ static int32_t draw_fine(painting *p, const fum_splats_options *options, bool al
                                   .wanted = all ? NULL : p->grid.fine,
                                   .scale = step,
                                   .shift = {shift, shift}};
-  int32_t status =
-      splats->splats == NULL
-          ? fum_splats_find(p->context, job->octree, job->view, job->slabs, options, splats)
-          : fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
+  int32_t status = splats->splats == NULL
+                       ? fum_splats_find(p->context, job->octree, job->view, job->slabs, options, splats)
+                       : fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
   if (status != FUM_OK) return status;
   if (all) report->seen_count = splats->seen_count;
   fum_tiles_shade_dust(p->context, job, splats);
@@ -281,7 +211,64 @@ static int32_t draw_fine(painting *p, const fum_splats_options *options, bool al
   return status;
 }
 
-/* Draws what is smooth enough on the grid, and marks the tiles that aren't. */
+/* Every eighth tile of the grid, whose roughness stands for that of all. */
+static bool is_sampled(int32_t column, int32_t row) {
+  return (column + 3 * row) % 8 == 0;
+}
+
+/* Does a block of the grid's points show smoke? */
+static bool shows(const fum_spline *rgba, const int32_t x[2], const int32_t y[2]) {
+  for (int32_t j = y[0]; j <= y[1]; j++) {
+    for (int32_t i = x[0]; i <= x[1]; i++) {
+      if (rgba->values[4 * ((int64_t)j * rgba->columns + i) + 3] > 0.004F) return true;
+    }
+  }
+  return false;
+}
+
+/* Would so much of the sampled tiles be drawn once more that the grid saves nothing? */
+static bool is_wasted(const painting *p, float tolerance) {
+  const fum_splats *splats = p->job->splats;
+  const int32_t block = FUM_TILE / p->grid.step, last = FUM_TILE - FUM_COARSE_AROUND - block;
+  int64_t count = 0, rough = 0;
+  for (int64_t i = 0; i < (int64_t)splats->columns * splats->rows; i++) {
+    const int32_t column = (int32_t)(i % splats->columns), row = (int32_t)(i / splats->columns);
+    if (!p->needed[i] || !is_sampled(column, row)) continue;
+    for (int32_t v = FUM_COARSE_AROUND; v <= last; v += block) {
+      for (int32_t u = FUM_COARSE_AROUND; u <= last; u += block) {
+        const int32_t x[2] = {column * FUM_TILE + u, column * FUM_TILE + u + block - 1};
+        const int32_t y[2] = {row * FUM_TILE + v, row * FUM_TILE + v + block - 1};
+        if (x[1] + FUM_COARSE_AROUND >= p->grid.view.width || y[1] + FUM_COARSE_AROUND >= p->grid.view.height) continue;
+        if (!shows(&p->planes[0].spline, x, y)) continue;
+        bool is_rough = false;
+        for (int32_t k = 0; k < p->plane_count; k++)
+          is_rough = is_rough || fum_coarse_is_rough(&p->planes[k], tolerance, x, y);
+        rough += is_rough;
+        count++;
+      }
+    }
+  }
+  return count >= 8 && 3 * rough > count;
+}
+
+/* Draws those of the grid's tiles that are needed and sampled, or not sampled. */
+static int32_t draw_part(const painting *p, fum_tile_job *coarse, bool sampled) {
+  const fum_splats *splats = p->job->splats;
+  const int64_t tiles = (int64_t)splats->columns * splats->rows;
+  uint8_t *wanted = NULL;
+  int32_t status = fum_alloc(p->context, tiles, sizeof *wanted, "tiles", &wanted);
+  for (int64_t i = 0; i < tiles && status == FUM_OK; i++) {
+    const int32_t column = (int32_t)(i % splats->columns), row = (int32_t)(i / splats->columns);
+    wanted[i] = p->needed[i] && is_sampled(column, row) == sampled;
+  }
+  coarse->wanted = wanted;
+  if (status == FUM_OK) status = fum_tiles_draw(p->context, coarse);
+  if (status == FUM_OK) status = fum_coarse_find_means(p->context, p->plane_count, p->planes);
+  fum_free(p->context, &wanted);
+  return status;
+}
+
+/* Draws what is smooth enough on the grid, and marks the tiles that aren't. If there are too many nothing is drawn. */
 static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *report) {
   const int64_t tiles = (int64_t)p->grid.columns * p->grid.rows;
   const fum_splats *splats = p->job->splats;
@@ -293,9 +280,13 @@ static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *repo
   for (int64_t i = 0; i < tiles; i++) {
     if (p->smooth[i]) need(p, i);
   }
-  coarse.wanted = p->needed;
-  status = fum_tiles_draw(p->context, &coarse);
-  if (status == FUM_OK) status = find_means(p);
+  status = draw_part(p, &coarse, true);
+  if (status != FUM_OK) return status;
+  if (is_wasted(p, tolerance)) {
+    report->step = 1;
+    return FUM_OK;
+  }
+  status = draw_part(p, &coarse, false);
   if (status != FUM_OK) return status;
   report->fine_count += find_rough(p, tolerance);
   return interpolate(p);
@@ -317,6 +308,7 @@ int32_t fum_coarse_draw(fum_context *context, fum_tile_job *job, const fum_splat
   start_s = fum_now_s();
   if (status == FUM_OK && out->step > 1) status = draw_coarse(&p, tolerance, out);
   out->draw_s = fum_now_s() - start_s;
+  if (out->step == 1) out->fine_count = out->tile_count;
   if (status == FUM_OK && (out->step == 1 || out->fine_count > 0))
     status = draw_fine(&p, options, out->step == 1, splats, out);
   end_painting(&p);

@@ -90,8 +90,7 @@ int32_t fum_coarse_grid_begin(fum_context *context, const fum_tile_job *job, fum
   fum_coarse_grid grid = {.whole = job->view,
                           .columns = (job->view->width + FUM_TILE - 1) / FUM_TILE,
                           .rows = (job->view->height + FUM_TILE - 1) / FUM_TILE};
-  const int32_t status =
-      fum_alloc(context, (int64_t)grid.columns * grid.rows, sizeof *grid.fine, "tiles", &grid.fine);
+  const int32_t status = fum_alloc(context, (int64_t)grid.columns * grid.rows, sizeof *grid.fine, "tiles", &grid.fine);
   if (status != FUM_OK) return status;
   if (job->solid_depths != NULL) mark_solids(context, job, &grid);
   grid.step = choose_step(job, &grid);
@@ -104,14 +103,31 @@ void fum_coarse_grid_end(fum_context *context, fum_coarse_grid *grid) {
   fum_free(context, &grid->fine);
 }
 
+/* First and last pixel that a splat of the grid's view may touch, with so many points beyond. */
+static void find_pixels(const fum_coarse_grid *grid, const fum_splat *splat, int axis, float beyond, float out[2]) {
+  const float step = (float)grid->step, margin = (float)FUM_COARSE_MARGIN - 0.5F;
+  const float middle = splat->middle_px[axis] - margin, half = splat->half_px[axis] + beyond;
+  out[0] = (middle - half) * step - 0.5F;
+  out[1] = (middle + half) * step - 0.5F;
+}
+
 void fum_coarse_grid_tiles(const fum_coarse_grid *grid, const fum_splat *splat, int axis, float beyond,
                            int32_t out[2]) {
-  const float scale = (float)grid->step / (float)FUM_TILE, margin = (float)FUM_COARSE_MARGIN - 0.5F;
-  const float middle = splat->middle_px[axis] - margin, half = splat->half_px[axis] + beyond;
-  const float first = (middle - half) * scale, last = (middle + half) * scale;
+  const float scale = 1.0F / (float)FUM_TILE;
+  float pixels[2];
+  find_pixels(grid, splat, axis, beyond, pixels);
+  const float first = pixels[0] * scale, last = pixels[1] * scale;
   const int32_t count = axis == 0 ? grid->columns : grid->rows;
   out[0] = first > 0.0F ? (int32_t)fum_min(first, (float)count) : 0;
   out[1] = last < 0.0F ? -1 : last < (float)count ? (int32_t)last : count - 1;
+}
+
+static bool is_in_picture(const fum_coarse_grid *grid, const fum_splat *splat) {
+  float x[2], y[2];
+  find_pixels(grid, splat, 0, 0.0F, x);
+  find_pixels(grid, splat, 1, 0.0F, y);
+  return x[1] >= 0.0F && y[1] >= 0.0F && x[0] <= (float)(grid->whole->width - 1) &&
+         y[0] <= (float)(grid->whole->height - 1);
 }
 
 static void mark_splat(const fum_coarse_grid *grid, const int32_t columns[2], const int32_t rows[2]) {
@@ -135,9 +151,7 @@ int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, con
     int32_t columns[2], rows[2];
     if (!(s->half_px[0] > 0.0F)) continue;
     const bool is_narrow = s->sigma < narrow * (is_perspective ? -s->center[2] : 1.0F);
-    fum_coarse_grid_tiles(grid, s, 0, 0.0F, columns);
-    fum_coarse_grid_tiles(grid, s, 1, 0.0F, rows);
-    seen += columns[0] <= columns[1] && rows[0] <= rows[1];
+    seen += is_in_picture(grid, s);
     if (!is_narrow) continue;
     fum_coarse_grid_tiles(grid, s, 0, beyond, columns);
     fum_coarse_grid_tiles(grid, s, 1, beyond, rows);

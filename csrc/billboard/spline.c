@@ -84,9 +84,8 @@ void fum_spline_row(const fum_spline *s, const fum_spline_taps *taps, int32_t ro
   }
 }
 
-static inline __attribute__((always_inline)) void find_points(const fum_spline_taps *taps, int32_t channels,
-                                                              const float *row, int32_t from, int32_t count,
-                                                              float *out) {
+static inline __attribute__((always_inline)) void
+find_points(const fum_spline_taps *taps, int32_t channels, const float *row, int32_t from, int32_t count, float *out) {
   for (int32_t n = 0; n < count; n++) {
     const float *w = taps->weights[(from + n) % taps->step], *at = row + (int64_t)first_of(taps, from + n) * channels;
     float sums[4] = {0.0F};
