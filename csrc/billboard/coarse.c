@@ -93,15 +93,24 @@ static int32_t sort_tiles(painting *p, fum_coarse_report *out) {
   return status;
 }
 
-/* Marks tiles of the grid that splines through a smooth tile's points ask for. */
+static int32_t clamp_tile(int32_t point, int32_t count) {
+  const int32_t tile = point < 0 ? 0 : point / FUM_TILE;
+  return tile < count ? tile : count - 1;
+}
+
+/* Marks tiles of the grid that splines through a smooth tile's points ask for: what is further away they have forgotten
+ * but for a 20000th. */
 static void need(const painting *p, int64_t tile) {
-  const int32_t columns = p->job->splats->columns, most = FUM_COARSE_MARGIN - 1;
+  const fum_splats *splats = p->job->splats;
+  const int32_t around = 12;
   int32_t x[2], y[2];
   points_of(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
   points_of(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
-  for (int32_t row = (y[0] - most) / FUM_TILE; row <= (y[1] + most) / FUM_TILE; row++) {
-    for (int32_t column = (x[0] - most) / FUM_TILE; column <= (x[1] + most) / FUM_TILE; column++)
-      p->needed[row * columns + column] = 1;
+  const int32_t columns[2] = {clamp_tile(x[0] - around, splats->columns), clamp_tile(x[1] + around, splats->columns)};
+  const int32_t rows[2] = {clamp_tile(y[0] - around, splats->rows), clamp_tile(y[1] + around, splats->rows)};
+  for (int32_t row = rows[0]; row <= rows[1]; row++) {
+    for (int32_t column = columns[0]; column <= columns[1]; column++)
+      p->needed[row * splats->columns + column] = 1;
   }
 }
 
