@@ -30,7 +30,7 @@ static int32_t add_plane(painting *p, int32_t channels, float *pixels, float **o
   return status;
 }
 
-/* The job on the grid, where no solid is in front. */
+/* The job on the grid, where no solid is amid the smoke. */
 static int32_t begin_coarse(painting *p, fum_tile_job *coarse) {
   const fum_tile_job *job = p->job;
   const int32_t lights = job->scene->light_count;
@@ -139,10 +139,12 @@ static void limit(float *pixels, int32_t channels, int32_t count) {
     pixels[4 * i + 3] = fum_min(pixels[4 * i + 3], 1.0F);
 }
 
-/* No solid is in front, and none is in any pixel: what is seen through is what isn't covered. */
+/* No solid is amid the smoke: behind it is seen what isn't covered. */
 static void note_through(const fum_tile_job *job, int64_t pixel, int32_t count) {
-  for (int64_t i = pixel; i < pixel + count && job->through[0] != NULL; i++)
-    job->through[0][i] = 1.0F - job->rgba[4 * i + 3];
+  for (int layer = 0; layer < 2; layer++) {
+    for (int64_t i = pixel; i < pixel + count && job->through[layer] != NULL; i++)
+      job->through[layer][i] = 1.0F - job->rgba[4 * i + 3];
+  }
 }
 
 /* One row of a tile's pixels. `coefficients`: room for a row of the grid. */

@@ -52,13 +52,13 @@ static int32_t choose_step(const fum_tile_job *job, const fum_coarse_grid *grid)
   return 1;
 }
 
+/* Is a solid before the end of the smoke? One behind it cuts nothing. Along a ray it is further away than its depth. */
 static bool has_solid(const fum_tile_job *job, int32_t column, int32_t row) {
   const fum_view *view = job->view;
+  const float end = fum_min((float)view->clip_end, job->slabs->faces[job->slabs->count].range);
   for (int32_t y = row * FUM_TILE; y < (row + 1) * FUM_TILE && y < view->height; y++) {
     for (int32_t x = column * FUM_TILE; x < (column + 1) * FUM_TILE && x < view->width; x++) {
-      const int64_t pixel = (int64_t)y * view->width + x;
-      if (job->solid_depths[pixel] < (float)view->clip_end) return true;
-      if (job->solid_shares != NULL && job->solid_shares[pixel] < 1.0F) return true;
+      if (job->solid_depths[(int64_t)y * view->width + x] < end) return true;
     }
   }
   return false;
