@@ -279,6 +279,14 @@ static int32_t draw(fum_rendering *r, const fum_splats_options *options, fum_til
   return status;
 }
 
+/* Drawing takes the most memory: what only lighting needs goes before it. */
+static void settle(const fum_rendering *r, smoke_light *light) {
+  const fum_media *media = &r->scene->caches->media;
+  for (int32_t k = 0; k < media->count; k++)
+    fum_medium_forget_bunches(r->context, &media->items[k]);
+  fum_lattice_settle(r->context, &light->lattice);
+}
+
 int32_t fum_combine_with_tiles(fum_rendering *r) {
   const fum_octree *all = r->scene->caches->all;
   const float footprint = fum_footprint_sigmas(r->scene, r->settings.tolerance);
@@ -318,6 +326,7 @@ int32_t fum_combine_with_tiles(fum_rendering *r) {
   if (status == FUM_OK) status = fum_smeared_find(r, &blurred);
   const plan p = {r, &lighting, footprint, job.thinnest, &blurred.smears};
   if (status == FUM_OK) status = light_smoke(&p, &light, &meter);
+  settle(r, &light);
   if (status != FUM_OK || light.slabs.count == 0) goto done;
   job.lamps = &lighting.lamps;
   use_centres(&light, &job);

@@ -236,9 +236,13 @@ void fum_lattice_forget(fum_context *context, fum_lattice *lattice) {
   fum_free(context, &lattice->visible);
 }
 
+void fum_lattice_settle(fum_context *context, fum_lattice *lattice) {
+  fum_hidden_free(context, &lattice->hidden);
+  fum_free(context, &lattice->samples);
+}
+
 void fum_lattice_free(fum_context *context, fum_lattice *lattice) {
   fum_lattice_forget(context, lattice);
-  fum_hidden_free(context, &lattice->hidden);
+  fum_lattice_settle(context, lattice);
   fum_free(context, &lattice->faces);
-  fum_free(context, &lattice->samples);
 }

@@ -38,6 +38,8 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
                           const fum_lamps *lamps, fum_lattice *lattice);
 /* Forgets the light, not the samples. */
 void fum_lattice_forget(fum_context *context, fum_lattice *lattice);
+/* Forgets what only lighting asks for. */
+void fum_lattice_settle(fum_context *context, fum_lattice *lattice);
 void fum_lattice_free(fum_context *context, fum_lattice *lattice);
 
 #endif

@@ -249,16 +249,20 @@ done:
 int32_t fum_medium_bunch(fum_context *context, float side, fum_medium *medium) {
   const fum_bunch_options options = {medium->sigma_scale, side};
   if (medium->bunch_side == side) return FUM_OK;
-  fum_octree_destroy(context, medium->bunched);
-  medium->bunched = NULL;
+  fum_medium_forget_bunches(context, medium);
   medium->bunch_side = side;
   return fum_octree_bunch(context, fum_medium_casters(medium), &options, &medium->bunched);
 }
 
-void fum_medium_end(fum_context *context, fum_medium *medium) {
+void fum_medium_forget_bunches(fum_context *context, fum_medium *medium) {
   fum_octree_destroy(context, medium->bunched);
-  fum_octree_destroy(context, medium->merged);
   medium->bunched = NULL;
+  medium->bunch_side = 0.0F;
+}
+
+void fum_medium_end(fum_context *context, fum_medium *medium) {
+  fum_medium_forget_bunches(context, medium);
+  fum_octree_destroy(context, medium->merged);
   medium->merged = NULL;
   free_runs(context, medium);
 }

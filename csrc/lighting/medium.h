@@ -41,6 +41,9 @@ int32_t fum_medium_lay_runs(fum_context *context, fum_medium *medium);
 /* Finds `bunched` for cells this wide, unless it is known. */
 int32_t fum_medium_bunch(fum_context *context, float side, fum_medium *medium);
 
+/* Forgets `bunched`: a tenth of what a picture takes. */
+void fum_medium_forget_bunches(fum_context *context, fum_medium *medium);
+
 void fum_medium_end(fum_context *context, fum_medium *medium);
 
 #endif
