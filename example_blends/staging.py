@@ -54,33 +54,31 @@ def add_puff(name: str, middle: Vector) -> None:
     add_cloud(name, count, lambda fields: puff_points(fields, middle), smoke_material("Smoke"))
 
 
-def smoke_material(
-    name: str, color: tuple[float, float, float] = (0.9, 0.9, 0.92), anisotropy: float = 0.4
-) -> bpy.types.Material:
-    """Smoke that scatters `color` of the light it meets, by default nine tenths and mostly forwards."""
+def _material(name: str, shader: str, socket: str, color: tuple[float, float, float]) -> tuple:
+    """A material of one shader, whose only output goes to the `socket` of the material's; the shader's node as well."""
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     nodes = material.node_tree.nodes
     nodes.clear()
-    volume, output = nodes.new("ShaderNodeVolumePrincipled"), nodes.new("ShaderNodeOutputMaterial")
-    volume.inputs["Color"].default_value = (*color, 1.0)
+    node, output = nodes.new(shader), nodes.new("ShaderNodeOutputMaterial")
+    node.inputs["Color"].default_value = (*color, 1.0)
+    node.location.x = -300
+    material.node_tree.links.new(node.outputs[0], output.inputs[socket])
+    return material, node
+
+
+def smoke_material(
+    name: str, color: tuple[float, float, float] = (0.9, 0.9, 0.92), anisotropy: float = 0.4
+) -> bpy.types.Material:
+    """Smoke that scatters `color` of the light it meets, by default nine tenths and mostly forwards."""
+    material, volume = _material(name, "ShaderNodeVolumePrincipled", "Volume", color)
     volume.inputs["Anisotropy"].default_value = anisotropy
-    volume.location.x = -300
-    material.node_tree.links.new(volume.outputs["Volume"], output.inputs["Volume"])
     return material
 
 
 def matt_material(name: str, color: tuple[float, float, float]) -> bpy.types.Material:
     """A matt surface."""
-    material = bpy.data.materials.new(name)
-    material.use_nodes = True
-    nodes = material.node_tree.nodes
-    nodes.clear()
-    diffuse, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
-    diffuse.inputs["Color"].default_value = (*color, 1.0)
-    diffuse.location.x = -200
-    material.node_tree.links.new(diffuse.outputs["BSDF"], output.inputs["Surface"])
-    return material
+    return _material(name, "ShaderNodeBsdfDiffuse", "Surface", color)[0]
 
 
 def box_mesh(name: str, boxes: list[tuple[Vector | Matrix, Vector]]) -> bpy.types.Mesh:

@@ -113,6 +113,9 @@ static inline fum_vf fum_vf_sqrt(fum_vf v) {
 #endif
 }
 
+/* exp(-z^2 / 2) is 2^(-this z^2). */
+static const float FUM_HALF_LOG2_E = 0.72134752F;
+
 /* 2^x for x <= 0 within 2e-7 relative; 0 below `least`, which is -126 or more. Rounding by a large constant leaves the
  * integer in the low bits; the polynomial is 2^f on [-1/2, 1/2] (Chebyshev fit). */
 static inline fum_vf fum_vf_exp2_from(float least, fum_vf x) {

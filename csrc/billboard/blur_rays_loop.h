@@ -19,7 +19,7 @@ float FUM_BLUR_SUM(const fum_blur_particles *particles, const fum_blur_ray *ray)
     const fum_vf inverse = fum_vf_load(particles->inverse_sigmas + i);
     const fum_vf along = x * unit[0] + y * unit[1] + z * unit[2];
     const fum_vf dx = x - along * unit[0], dy = y - along * unit[1], dz = z - along * unit[2];
-    const fum_vf gauss = fum_vf_exp2((dx * dx + dy * dy + dz * dz) * (inverse * inverse) * -0.72134752F);
+    const fum_vf gauss = fum_vf_exp2((dx * dx + dy * dy + dz * dz) * (inverse * inverse) * -FUM_HALF_LOG2_E);
     fum_vf depth = fum_vf_load(particles->optical_depths + i) * gauss;
     const fum_vf first = (near - along) * inverse, last = (far - along) * inverse;
     const float reach = 6.0F;

@@ -60,19 +60,23 @@ static void end_painting(painting *p) {
   fum_coarse_grid_end(p->context, &p->grid);
 }
 
-/* Points of the grid that a tile lies between, along an axis. */
-static void points_of(const painting *p, int32_t tile, int32_t side, int32_t out[2]) {
+static void points_along(const painting *p, int32_t tile, int32_t side, int32_t out[2]) {
   const int32_t end = (tile + 1) * FUM_TILE < side ? (tile + 1) * FUM_TILE : side;
   out[0] = fum_coarse_grid_point(&p->grid, tile * FUM_TILE);
   out[1] = fum_coarse_grid_point(&p->grid, end - 1) + 1;
+}
+
+/* Points of the grid, first and last column and row, that a tile lies between. */
+static void points_of(const painting *p, int64_t tile, int32_t x[2], int32_t y[2]) {
+  points_along(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
+  points_along(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
 }
 
 /* Do splats of the grid touch the tile? */
 static bool has_smoke(const painting *p, int64_t tile) {
   const fum_splats *splats = p->job->splats;
   int32_t x[2], y[2];
-  points_of(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
-  points_of(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
+  points_of(p, tile, x, y);
   for (int32_t row = y[0] / FUM_TILE; row <= y[1] / FUM_TILE; row++) {
     const int64_t *begins = splats->tile_begins + (int64_t)row * splats->columns;
     if (begins[x[0] / FUM_TILE] < begins[x[1] / FUM_TILE + 1]) return true;
@@ -104,8 +108,7 @@ static void need(const painting *p, int64_t tile) {
   const fum_splats *splats = p->job->splats;
   const int32_t around = 12;
   int32_t x[2], y[2];
-  points_of(p, (int32_t)(tile % p->grid.columns), p->grid.whole->width, x);
-  points_of(p, (int32_t)(tile / p->grid.columns), p->grid.whole->height, y);
+  points_of(p, tile, x, y);
   const int32_t columns[2] = {clamp_tile(x[0] - around, splats->columns), clamp_tile(x[1] + around, splats->columns)};
   const int32_t rows[2] = {clamp_tile(y[0] - around, splats->rows), clamp_tile(y[1] + around, splats->rows)};
   for (int32_t row = rows[0]; row <= rows[1]; row++) {
@@ -121,8 +124,7 @@ static int64_t find_rough(const painting *p, float tolerance) {
   for (int64_t i = 0; i < (int64_t)p->grid.columns * p->grid.rows; i++) {
     int32_t x[2], y[2];
     if (!p->smooth[i]) continue;
-    points_of(p, (int32_t)(i % p->grid.columns), p->grid.whole->width, x);
-    points_of(p, (int32_t)(i / p->grid.columns), p->grid.whole->height, y);
+    points_of(p, i, x, y);
     for (int32_t k = 0; k < p->plane_count && p->smooth[i]; k++)
       p->smooth[i] = !fum_coarse_is_rough(&p->planes[k], tolerance, x, y);
     p->grid.fine[i] = !p->smooth[i];

@@ -85,7 +85,7 @@ static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, co
     const fum_vf z = (fum_vf_load(ends + j) - range) * inverse, tail = fum_vf_normal_tail(fum_vf_abs(z));
     fum_vf_store(shares->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
     fum_vf_store(shares->change + j,
-                 -0.39894228F * inverse * fum_vf_exp2(vf_max(z * z * -HALF_LOG2_E, fum_vf_set(-200.0F))));
+                 -0.39894228F * inverse * fum_vf_exp2(vf_max(z * z * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F))));
   }
   shares->of[count - 1] = 1.0F;
   shares->change[count - 1] = 0.0F;
@@ -186,8 +186,8 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
   const fum_vf aside = fum_vf_select(is_long, p->area * p->area / squared, p->offset_squared);
   const fum_vf low = (-0.5F - nearest) * length, high = (0.5F - nearest) * length;
   const fum_vf share = vf_max(fum_vf_normal_interval(low, high), fum_vf_set(1e-30F));
-  const fum_vf begin = 0.39894228F * fum_vf_exp2(low * low * -HALF_LOG2_E),
-               end = 0.39894228F * fum_vf_exp2(high * high * -HALF_LOG2_E);
+  const fum_vf begin = 0.39894228F * fum_vf_exp2(low * low * -FUM_HALF_LOG2_E),
+               end = 0.39894228F * fum_vf_exp2(high * high * -FUM_HALF_LOG2_E);
   const fum_vf stretched = share * 2.50662827F / length;
   const fum_vf bent = 1.0F + (p->product * p->product - p->motion_squared) * 0.041666668F;
   const fum_vf lean = (begin - end) / share;
@@ -201,7 +201,7 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
   out->inverse_deviation = 1.0F / fum_vf_sqrt(w->variance + pace * pace * variance);
   const fum_vf ended = vf_clamp(nearest, -0.5F, 0.5F);
   const fum_vf distance = p->offset_squared + ended * (2.0F * p->product + ended * p->motion_squared);
-  const fum_vf gauss = fum_vf_exp2(vf_max(aside * -HALF_LOG2_E, fum_vf_set(-200.0F)));
+  const fum_vf gauss = fum_vf_exp2(vf_max(aside * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F)));
   const fum_vf mean = gauss * fum_vf_select(is_long, stretched, bent);
   return fum_vf_select(distance > w->footprint * w->footprint, ZERO, mean);
 }

@@ -7,8 +7,6 @@
 
 #include <string.h>
 
-static const float HALF_LOG2_E = 0.72134752F;
-
 /* What a splat adds to each channel behind the first, as factors on its optical depth. `splat` is its place in the
  * octree's order. */
 static void find_look(const fum_tile_job *job, uint32_t splat, float self_shade, float *out) {
@@ -89,7 +87,7 @@ static void find_shares(const tile *t, const fum_splat *s, float range, bool mov
   for (int32_t j = 0; j < slabs; j += FUM_LANES) {
     const fum_vf z = (fum_vf_load(ends + j) - range) * inverse_sigma, tail = fum_vf_normal_tail(fum_vf_abs(z));
     fum_vf_store(out->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
-    if (moves) fum_vf_store(out->change + j, -0.39894228F * inverse_sigma * fum_vf_exp2(z * z * -HALF_LOG2_E));
+    if (moves) fum_vf_store(out->change + j, -0.39894228F * inverse_sigma * fum_vf_exp2(z * z * -FUM_HALF_LOG2_E));
   }
   out->of[slabs - 1] = 1.0F;
   out->change[slabs - 1] = 0.0F;
@@ -102,7 +100,7 @@ static void find_shares(const tile *t, const fum_splat *s, float range, bool mov
 /* Logarithm to the base 2 of a Gaussian where it ends: whole blocks are gone through, but what is drawn must not depend
  * on where their edges are. */
 static float least_exponent(const fum_splat *s) {
-  return fum_max(-HALF_LOG2_E * s->footprint * s->footprint, -126.0F);
+  return fum_max(-FUM_HALF_LOG2_E * s->footprint * s->footprint, -126.0F);
 }
 
 /* What a far splat's footprint is made of. */
@@ -119,7 +117,7 @@ static footprint find_footprint(const tile *t, const fum_splat *s) {
                      .v = s->center[1] * per_depth,
                      .depth = depth,
                      .optical_depth = s->optical_depth,
-                     .falloff = -HALF_LOG2_E / (s->width * s->width),
+                     .falloff = -FUM_HALF_LOG2_E / (s->width * s->width),
                      .least = least_exponent(s),
                      .is_perspective = is_perspective};
 }
@@ -182,7 +180,7 @@ static inline __attribute__((always_inline)) void splat_near(const tile *t, cons
                                                              const float *look, splat_map *map, float *slabs) {
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
   const float *c = s->center, inverse_sigma = 1.0F / s->sigma;
-  const float falloff = -HALF_LOG2_E / (s->width * s->width);
+  const float falloff = -FUM_HALF_LOG2_E / (s->width * s->width);
   const float least = least_exponent(s);
   const int32_t first = s->first_slab - t->first_slab, last = s->last_slab - t->first_slab;
   for (int32_t n = 0; n < p->count; n++) {

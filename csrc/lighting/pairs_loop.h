@@ -3,8 +3,6 @@
 #include "base/simd.h"
 #include "lighting/pairs.h"
 
-static const float HALF_LOG2_E = 0.72134752F;
-
 /* Scaled by 1 / sigma: the particle seen from the segment's start. Precise far from the origin too, because the
  * perpendicular is a vector and not a difference of squares. */
 typedef struct seen {
@@ -25,7 +23,7 @@ static float line(const fum_sources *s, const fum_segment *segment) {
   fum_vf sum = {0};
   for (int32_t i = 0; i < s->count; i += FUM_LANES) {
     const seen p = see(s, segment, i, fum_vf_load(s->inverse_sigmas + i));
-    sum += fum_vf_load(s->optical_depths + i) * fum_vf_exp2(p.distance_squared * -HALF_LOG2_E);
+    sum += fum_vf_load(s->optical_depths + i) * fum_vf_exp2(p.distance_squared * -FUM_HALF_LOG2_E);
   }
   return fum_vf_sum(sum);
 }
@@ -38,7 +36,7 @@ static float whole(const fum_sources *s, const fum_segment *segment) {
     const fum_vf inverse_sigma = fum_vf_load(s->inverse_sigmas + i);
     const seen p = see(s, segment, i, inverse_sigma);
     const fum_vf a = -p.along * inverse_sigma, b = (length - p.along) * inverse_sigma;
-    const fum_vf gauss = fum_vf_exp2(p.distance_squared * -HALF_LOG2_E);
+    const fum_vf gauss = fum_vf_exp2(p.distance_squared * -FUM_HALF_LOG2_E);
     sum += fum_vf_load(s->optical_depths + i) * gauss * fum_vf_normal_interval(a, b);
   }
   return fum_vf_sum(sum);

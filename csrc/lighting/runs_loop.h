@@ -27,7 +27,7 @@ static inline fum_vf tail_of(fum_vf z) {
   p = p * t + 1.33409387e-1F;
   p = p * t + 1.20447257e-1F;
   p = p * t + 1.23860036e-1F;
-  return p * t * exp2_of(z * z * -0.72134752F);
+  return p * t * exp2_of(z * z * -FUM_HALF_LOG2_E);
 }
 
 static inline uint64_t lowest(int32_t count) {

@@ -108,8 +108,6 @@ static void lay_patch(patch *p, int64_t index) {
   p->rows = (int32_t)((upper[1] - p->lower[1]) / cell + FUM_SWEEP_MARGIN) + 1;
 }
 
-static const float HALF_LOG2_E = 0.72134752F;
-
 #include "lighting/sweep_places.h"
 
 static const float NUMBERS[MOST_COLUMNS] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15,

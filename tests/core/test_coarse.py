@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from clouds import cloud, plume
 from fumarole import core
 
 FRONT = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 8.0], [0, 0, 0, 1]])
@@ -15,30 +16,6 @@ SUN = {"type": "SUN", "power": 2.0, "color": (1.0, 0.5, 0.2)}
 WALL = ([[-5, -5, 0.1], [-0.4, -5, -0.5], [-0.3, 5, 0.6], [-5, 5, 0.0]], [[0, 1, 2], [0, 2, 3]])
 
 BACKDROP = ([[-1.5, -5, -3], [5, -5, -4], [5, 5, -4], [-1, 5, -3]], [[0, 1, 2], [0, 2, 3]])
-
-
-def smoke(position: np.ndarray, radius: np.ndarray | float, depth: float, **look) -> dict:
-    """Particles, each `depth` thick through its centre."""
-    radius = np.broadcast_to(np.asarray(radius, np.float32), len(position))
-    density = depth / (radius / 2 * np.sqrt(2 * np.pi))
-    return {"position": np.asarray(position, np.float32), "radius": radius, "density": density, "albedo": 0.8} | look
-
-
-def cloud(count: int, radius: float, depth: float, seed: int = 3, **look) -> dict:
-    """Particles in a ball of radius 1, each `depth` thick through its centre."""
-    rng = np.random.default_rng(seed)
-    position = rng.normal(size=(count, 3))
-    position *= rng.uniform(size=(count, 1)) ** (1 / 3) / np.linalg.norm(position, axis=1, keepdims=True)
-    return smoke(position, radius, depth, **look)
-
-
-def plume() -> dict:
-    """It widens upwards, and its particles grow."""
-    rng = np.random.default_rng(5)
-    age = rng.uniform(size=20_000)
-    across = (0.08 + 0.25 * age)[:, None] * rng.normal(size=(20_000, 2))
-    position = np.stack([across[:, 0] + 0.2 * np.sin(6 * age), 3 * age - 1.5, across[:, 1]], 1)
-    return smoke(position, 0.08 + 0.06 * age, 0.05)
 
 
 def mixed() -> dict:
@@ -70,7 +47,7 @@ def render(
 
 # Particles, how they are seen, and the share of the smoke's pixels that is drawn as if there were no grid, at most.
 SCENES = {
-    "plume": (plume(), {}, 0.5),
+    "plume": (plume(20_000, 0.06, 0.05), {}, 0.5),
     "ball": (cloud(3000, 0.25, 0.1), {}, 0.1),
     "ball of depth 20": (cloud(3000, 0.2, 0.5), {}, 0.2),
     "single particles": (cloud(30, 0.5, 0.5), {}, 0.1),

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from clouds import cloud, plume, smoke
 from fumarole import core
 
 IN_FRONT = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 8.0], [0, 0, 0, 1]])
@@ -36,21 +37,6 @@ def draw(
     return result["Combined"].astype(float)
 
 
-def smoke(position: np.ndarray, radius: np.ndarray | float, depth: float, **look) -> dict:
-    """Particles, each `depth` thick through its centre."""
-    radius = np.broadcast_to(np.asarray(radius, np.float32), len(position))
-    density = depth / (radius / 2 * np.sqrt(2 * np.pi))
-    return {"position": np.asarray(position, np.float32), "radius": radius, "density": density} | look
-
-
-def cloud(count: int, radius: float, depth: float, seed: int = 3, **look) -> dict:
-    """Particles in a ball of radius 1, each `depth` thick through its centre."""
-    rng = np.random.default_rng(seed)
-    position = rng.normal(size=(count, 3))
-    position *= rng.uniform(size=(count, 1)) ** (1 / 3) / np.linalg.norm(position, axis=1, keepdims=True)
-    return smoke(position, radius, depth, **look)
-
-
 @pytest.mark.parametrize("depth", [0.02, 0.5, 3.0])
 def test_tiny_particles_are_as_opaque_at_any_width(depth: float) -> None:
     """From a tenth of a pixel to most of one; few enough that they hardly overlap, where the mean of alpha is the
@@ -58,15 +44,6 @@ def test_tiny_particles_are_as_opaque_at_any_width(depth: float) -> None:
     particles = cloud(4_000, 6e-4, depth)
     means = [draw(particles, width, width // 32)[..., 3].mean() for width in (512, 1024, 2048, 4096)]
     assert means == pytest.approx([means[-1]] * 4, rel=1e-3)
-
-
-def plume() -> dict:
-    """It widens upwards, and its particles grow."""
-    rng = np.random.default_rng(5)
-    age = rng.uniform(size=4_000)
-    across = (0.08 + 0.25 * age)[:, None] * rng.normal(size=(4_000, 2))
-    position = np.stack([across[:, 0] + 0.2 * np.sin(6 * age), 3 * age - 1.5, across[:, 1]], 1)
-    return smoke(position, 0.08 + 0.15 * age, 0.1)
 
 
 def radii_1_to_30() -> dict:
@@ -84,7 +61,7 @@ SLANTED_WALL = ([[-5, -5, 0.1], [5, -5, -0.5], [5, 5, 0.6], [-5, 5, 0.0]], [[0, 
 
 # Particles, and the camera and wall that they are seen with.
 SCENES = {
-    "plume": (plume(), {}),
+    "plume": (plume(4_000, 0.15, 0.1), {}),
     "ball": (cloud(500, 0.4, 0.3), {}),
     "dense ball": (cloud(300, 0.4, 3.0), {}),
     "radii 1 to 30": (radii_1_to_30(), {}),
