@@ -6,6 +6,7 @@
 #include "api/smeared_parts.h"
 #include "api/solid_shadow.h"
 #include "billboard/coarse.h"
+#include "billboard/drawn.h"
 #include "lighting/centres.h"
 #include "lighting/inscatter.h"
 
@@ -37,15 +38,17 @@ typedef struct plan {
   const fum_smears *smears;
 } plan;
 
-/* Cuts the view into slabs and places samples, unlit. */
-static int32_t place(const plan *p, float tolerance, smoke_light *out_light) {
+/* Cuts the view into slabs and places samples, unlit (fum_slabs_find). */
+static int32_t place(const plan *p, float tolerance, float light_tolerance, smoke_light *out_light) {
   const fum_rendering *r = p->r;
   const fum_octree *all = r->scene->caches->all;
   /* Steps' errors grow with the root of the extinction, and maps gather it. */
   const fum_map_traits traits = fum_scene_map_traits(r->scene);
   tolerance /= sqrtf(traits.contrast);
+  light_tolerance /= sqrtf(traits.contrast);
   const fum_smears *smears = p->smears->items != NULL ? p->smears : NULL;
-  int32_t status = fum_slabs_find(r->context, all, &r->view, smears, tolerance, p->thinnest, &out_light->slabs);
+  int32_t status =
+      fum_slabs_find(r->context, all, &r->view, smears, tolerance, light_tolerance, p->thinnest, &out_light->slabs);
   out_light->slabs.has_holes = traits.has_maps;
   if (status != FUM_OK || out_light->slabs.count == 0) return status;
   return fum_lattice_place(r->context, all, &r->view, &out_light->slabs, p->footprint, tolerance, &out_light->lattice);
@@ -118,11 +121,12 @@ static int32_t ask_lattice(const plan *p, const smoke_light *light, double *out_
 }
 
 /* Lights the lattice, and again in smaller steps if the meter says so. Errors of both kinds of step grow with the
- * tolerance that they are made for. */
+ * tolerance that they are made for; those of light less than that where particles are smaller than its samples are
+ * far apart. */
 static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_share, fum_meter *meter) {
   enum { REFINEMENTS = 2 };
   fum_rendering *r = p->r;
-  float tolerance = r->settings.tolerance;
+  float tolerance = r->settings.tolerance, light_tolerance = tolerance;
   int32_t status = light_lattice(p, light);
   if (status == FUM_OK) status = fum_meter_find_exact(meter);
   if (status == FUM_OK) status = ask_lattice(p, light, out_share, meter);
@@ -133,8 +137,10 @@ static int32_t light_and_refine(const plan *p, smoke_light *light, double *out_s
   }
   while (status == FUM_OK && *out_share > 1.0 && r->stats.refinement_count < REFINEMENTS) {
     smoke_light finer = {0};
-    tolerance *= fmaxf(0.25F, 0.7F / (float)*out_share);
-    status = place(p, tolerance, &finer);
+    const float less = fmaxf(0.25F, 0.7F / (float)*out_share);
+    tolerance *= less;
+    light_tolerance *= less * less;
+    status = place(p, tolerance, light_tolerance, &finer);
     if (status == FUM_OK) status = light_lattice(p, &finer);
     if (status != FUM_OK) {
       smoke_light_free(r->context, &finer);
@@ -169,8 +175,8 @@ static int32_t light_blurred(const plan *p, smoke_light *light) {
     return fum_fail(r->context, FUM_ERROR_ARGUMENT, "pass %s can't be drawn with motion blur or depth of field",
                     r->error != NULL ? "Error" : "Solid Shadow");
   }
-  int32_t status =
-      fum_slabs_find(r->context, all, &r->view, p->smears, r->settings.tolerance, p->thinnest, &light->slabs);
+  int32_t status = fum_slabs_find(r->context, all, &r->view, p->smears, r->settings.tolerance, r->settings.tolerance,
+                                  p->thinnest, &light->slabs);
   if (status != FUM_OK || light->slabs.count == 0) return status;
   light->light_count = r->scene->light_count;
   status = fum_alloc(r->context, all->count, 3 * sizeof(float), what, &light->centres);
@@ -187,7 +193,7 @@ static int32_t light_smoke(const plan *p, smoke_light *light, fum_meter *meter) 
   fum_rendering *r = p->r;
   double share = 0.0;
   if (is_blurred(p)) return light_blurred(p, light);
-  int32_t status = place(p, r->settings.tolerance, light);
+  int32_t status = place(p, r->settings.tolerance, r->settings.tolerance, light);
   if (status != FUM_OK || light->slabs.count == 0) return status;
   status = begin_meter(p, light, meter);
   if (status == FUM_OK && prefers_centres(p, light)) status = light_centres(p, light, &share, meter);
@@ -258,14 +264,19 @@ static bool draws_more(const fum_rendering *r, const fum_tile_job *job) {
   return job->deep != NULL || fum_attributes_are_wanted(r) || fum_solid_shadow_is_wanted(r) || r->error != NULL;
 }
 
-/* Draws the smoke, on a coarser grid where it is smooth. */
+/* Draws the smoke; where it is smooth close particles as one, and on a coarser grid. */
 static int32_t draw(fum_rendering *r, const fum_splats_options *options, fum_tile_job *job, fum_splats *splats) {
   const double start_s = fum_now_s();
   if (options->smears == NULL && !job->has_maps && !draws_more(r, job)) {
-    fum_coarse_report report;
-    const int32_t status = fum_coarse_draw(r->context, job, options, r->settings.tolerance, splats, &report);
+    fum_coarse_report report = {0};
+    fum_octree *bunched = NULL;
+    fum_tile_job drawn = *job;
+    int32_t status = fum_drawn_bunch(r->context, job, r->settings.tolerance, &bunched);
+    if (bunched != NULL) drawn.octree = bunched;
+    if (status == FUM_OK) status = fum_coarse_draw(r->context, &drawn, options, r->settings.tolerance, splats, &report);
+    fum_octree_destroy(r->context, bunched);
     r->stats.drawn_count = report.seen_count;
-    r->stats.sort_s = report.sort_s;
+    r->stats.sort_s = fum_now_s() - start_s - report.draw_s;
     r->stats.draw_s = report.draw_s;
     return status;
   }

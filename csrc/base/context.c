@@ -40,11 +40,13 @@ void fum_progress_begin(fum_context *context) {
 int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message) {
   const double interval_s = 0.05;
   context->progress_last_fraction = fraction;
+  const bool is_new_step =
+      stage != context->progress_last_stage || strcmp(message, context->progress_last_message) != 0;
   if (message != context->progress_last_message)
     snprintf(context->progress_last_message, sizeof context->progress_last_message, "%s", message);
   if (context->progress != NULL && !atomic_load(&context->cancelled)) {
     const double now_s = fum_now_s();
-    if (stage != context->progress_last_stage || now_s - context->progress_last_s >= interval_s) {
+    if (is_new_step || now_s - context->progress_last_s >= interval_s) {
       context->progress_last_stage = stage;
       context->progress_last_s = now_s;
       if (context->progress(context->progress_user, stage, fraction, message) != 0) {

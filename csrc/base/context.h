@@ -36,8 +36,8 @@ void fum_warn(fum_context *context, const char *format, ...) __attribute__((form
 /* Clears the cancel flag and the progress throttle at the start of a public call. */
 void fum_progress_begin(fum_context *context);
 
-/* Reports progress (at most 20 times a second within a stage). Only on the thread that called the library. `message`
- * is copied. Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
+/* Reports progress: each new stage or message, and at most 20 times a second within one. Only on the thread that called
+ * the library. `message` (below 96 characters) is copied. Returns FUM_OK, or fails with FUM_ERROR_CANCELLED. */
 int32_t fum_progress_report(fum_context *context, int32_t stage, float fraction, const char *message);
 
 /* Reports the last progress again, so that the user can cancel in the middle of a long step. Only on the thread that

@@ -21,6 +21,34 @@ typedef uint32_t fum_vu __attribute__((vector_size(4 * FUM_LANES))); /* wraps ar
 
 typedef float fum_quad __attribute__((vector_size(16)));
 
+/* Writes past the caches what won't be read soon, to an address that is a multiple of 16. Other threads see it once
+ * fum_quad_stream_end was called. */
+static inline void fum_quad_stream(void *out, fum_quad v) {
+#if defined(__x86_64__)
+  _mm_stream_ps(out, (__m128)v);
+#else
+  memcpy(out, &v, sizeof v);
+#endif
+}
+
+static inline void fum_quad_stream_end(void) {
+#if defined(__x86_64__)
+  _mm_sfence();
+#endif
+}
+
+/* rows[i][k] becomes rows[k][i]. */
+static inline void fum_quad_transpose(fum_quad rows[4]) {
+  const fum_quad a = __builtin_shufflevector(rows[0], rows[1], 0, 4, 1, 5);
+  const fum_quad b = __builtin_shufflevector(rows[0], rows[1], 2, 6, 3, 7);
+  const fum_quad c = __builtin_shufflevector(rows[2], rows[3], 0, 4, 1, 5);
+  const fum_quad d = __builtin_shufflevector(rows[2], rows[3], 2, 6, 3, 7);
+  rows[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
+  rows[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+  rows[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
+  rows[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+
 static inline fum_vf fum_vf_set(float value) {
   return value - (fum_vf){0};
 }
@@ -33,6 +61,12 @@ static inline fum_vf fum_vf_load(const float *values) {
 
 static inline void fum_vf_store(float *values, fum_vf v) {
   memcpy(values, &v, sizeof v);
+}
+
+static inline fum_vi fum_vi_load(const int32_t *values) {
+  fum_vi v;
+  memcpy(&v, values, sizeof v);
+  return v;
 }
 
 /* values[indices[i]] */
@@ -80,6 +114,14 @@ static inline uint32_t fum_vi_bits(fum_vi mask) {
     bits |= (uint32_t)(mask[lane] & 1) << lane;
   return bits;
 #endif
+}
+
+static inline fum_vf fum_vf_min(fum_vf a, fum_vf b) {
+  return fum_vf_select(a < b, a, b);
+}
+
+static inline fum_vf fum_vf_max(fum_vf a, fum_vf b) {
+  return fum_vf_select(a > b, a, b);
 }
 
 static inline fum_vf fum_vf_at_least(fum_vf v, float least) {
@@ -137,6 +179,24 @@ static inline fum_vf fum_vf_exp2(fum_vf x) {
   return fum_vf_exp2_from(-126.0F, x);
 }
 
+/* Natural logarithm of normal numbers above 0, within 2e-7 absolute, or relative where it is above 1. x is 2^e (1 + f),
+ * with 1 + f from the root of 1/2 to that of 2; the polynomial is logf's of Moshier, Cephes. */
+static inline fum_vf fum_vf_log(fum_vf x) {
+  const fum_vi exponent = ((fum_vi)x - 0x3f3504f3) >> 23;
+  const fum_vf f = (fum_vf)((fum_vi)x - (exponent << 23)) - 1.0F, e = __builtin_convertvector(exponent, fum_vf);
+  const fum_vf squared = f * f;
+  fum_vf p = 7.0376836292e-2F * f - 1.1514610310e-1F;
+  p = p * f + 1.1676998740e-1F;
+  p = p * f - 1.2420140846e-1F;
+  p = p * f + 1.4249322787e-1F;
+  p = p * f - 1.6668057665e-1F;
+  p = p * f + 2.0000714765e-1F;
+  p = p * f - 2.4999993993e-1F;
+  p = p * f + 3.3333331174e-1F;
+  const fum_vf low = f * squared * p - 2.12194440e-4F * e - 0.5F * squared;
+  return f + low + 0.693359375F * e;
+}
+
 /* erfc(z / sqrt 2) / 2, the upper tail of the normal distribution, for z >= 0 within 3e-7 relative where it matters.
  * Rational Chebyshev form of erfc in t = 1 / (1 + x / 2), as in Numerical Recipes (Press and others), erfcc. */
 static inline fum_vf fum_vf_normal_tail(fum_vf z) {
@@ -183,6 +243,12 @@ static inline fum_vd fum_vd_load_floats(const float *values) {
   narrow v;
   memcpy(&v, values, sizeof v);
   return __builtin_convertvector(v, fum_vd);
+}
+
+static inline void fum_vd_store_floats(float *values, fum_vd v) {
+  typedef float narrow __attribute__((vector_size(2 * FUM_LANES)));
+  const narrow floats = __builtin_convertvector(v, narrow);
+  memcpy(values, &floats, sizeof floats);
 }
 
 static inline double fum_vd_sum(fum_vd v) {

@@ -102,18 +102,16 @@ static int32_t clamp_tile(int32_t point, int32_t count) {
   return tile < count ? tile : count - 1;
 }
 
-/* Marks tiles of the grid that splines through a smooth tile's points ask for: what is further away they have forgotten
- * but for a 20000th. */
-static void need(const painting *p, int64_t tile) {
+/* Marks tiles of the grid on which a tile of the picture lies, and so many points around it. */
+static void mark_around(const painting *p, int64_t tile, int32_t around, uint8_t *out) {
   const fum_splats *splats = p->job->splats;
-  const int32_t around = 12;
   int32_t x[2], y[2];
   points_of(p, tile, x, y);
   const int32_t columns[2] = {clamp_tile(x[0] - around, splats->columns), clamp_tile(x[1] + around, splats->columns)};
   const int32_t rows[2] = {clamp_tile(y[0] - around, splats->rows), clamp_tile(y[1] + around, splats->rows)};
   for (int32_t row = rows[0]; row <= rows[1]; row++) {
     for (int32_t column = columns[0]; column <= columns[1]; column++)
-      p->needed[row * splats->columns + column] = 1;
+      out[row * splats->columns + column] = 1;
   }
 }
 
@@ -186,41 +184,42 @@ static int32_t interpolate(const painting *p) {
   return has_memory ? FUM_OK : fum_fail(p->context, FUM_ERROR_MEMORY, "drawing: no memory for a row of the picture");
 }
 
-/* Does a splat of the grid touch a tile that is drawn pixel by pixel? */
-static bool is_asked(const void *user, const fum_splat *splat) {
-  const fum_coarse_grid *grid = user;
-  int32_t columns[2], rows[2];
-  fum_coarse_grid_tiles(grid, splat, 0, 1.0F, columns);
-  fum_coarse_grid_tiles(grid, splat, 1, 1.0F, rows);
-  for (int32_t row = rows[0]; row <= rows[1]; row++) {
-    for (int32_t column = columns[0]; column <= columns[1]; column++) {
-      if (grid->fine[row * grid->columns + column]) return true;
-    }
+/* Splats of the grid, of which those that touch tiles that are drawn pixel by pixel are seen in the picture. */
+static int32_t see_fine(const painting *p, const fum_splats_options *options, fum_splats *splats) {
+  const fum_tile_job *job = p->job;
+  const float step = (float)p->grid.step, shift = 0.5F * step * (1.0F - 2.0F * FUM_COARSE_MARGIN) - 0.5F;
+  const int32_t around = 2;
+  uint8_t *from = NULL;
+  int32_t status = fum_alloc(p->context, (int64_t)splats->columns * splats->rows, sizeof *from, "tiles", &from);
+  for (int64_t i = 0; i < (int64_t)p->grid.columns * p->grid.rows && status == FUM_OK; i++) {
+    if (p->grid.fine[i]) mark_around(p, i, around, from);
   }
-  return false;
+  const fum_splats_again again = {.from = from, .wanted = p->grid.fine, .scale = step, .shift = {shift, shift}};
+  if (status == FUM_OK)
+    status = fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
+  fum_free(p->context, &from);
+  return status;
+}
+
+/* Splats of the picture, those of the grid or none being there. */
+static int32_t see_all(const painting *p, const fum_splats_options *options, fum_splats *splats) {
+  const fum_tile_job *job = p->job;
+  const fum_splats_again again = {0};
+  if (splats->splats == NULL) return fum_splats_find(p->context, job->octree, job->view, job->slabs, options, splats);
+  return fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
 }
 
 /* Draws tiles pixel by pixel: those that are marked, or all. */
 static int32_t draw_fine(painting *p, const fum_splats_options *options, bool all, fum_splats *splats,
                          fum_coarse_report *report) {
   fum_tile_job *job = p->job;
-  const double start_s = fum_now_s();
-  const float step = (float)p->grid.step, shift = 0.5F * step * (1.0F - 2.0F * FUM_COARSE_MARGIN) - 0.5F;
-  const fum_splats_again again = {.is_asked = all ? NULL : is_asked,
-                                  .user = &p->grid,
-                                  .wanted = all ? NULL : p->grid.fine,
-                                  .scale = step,
-                                  .shift = {shift, shift}};
-  int32_t status = splats->splats == NULL
-                       ? fum_splats_find(p->context, job->octree, job->view, job->slabs, options, splats)
-                       : fum_splats_see_again(p->context, job->octree, job->view, job->slabs, options, &again, splats);
+  int32_t status = all ? see_all(p, options, splats) : see_fine(p, options, splats);
   if (status != FUM_OK) return status;
   if (all) report->seen_count = splats->seen_count;
   fum_tiles_shade_dust(p->context, job, splats);
-  const double sorted_s = fum_now_s();
+  const double start_s = fum_now_s();
   status = fum_tiles_draw(p->context, job);
-  report->sort_s += sorted_s - start_s;
-  report->draw_s += fum_now_s() - sorted_s;
+  report->draw_s += fum_now_s() - start_s;
   return status;
 }
 
@@ -284,6 +283,7 @@ static int32_t draw_part(const painting *p, fum_tile_job *coarse, bool sampled) 
 /* Draws what is smooth enough on the grid, and marks the tiles that aren't. If there are too many nothing is drawn. */
 static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *report) {
   const int64_t tiles = (int64_t)p->grid.columns * p->grid.rows;
+  const int32_t around = 12; /* what is further away splines have forgotten but for a 20000th */
   const fum_splats *splats = p->job->splats;
   fum_tile_job coarse;
   int32_t status = begin_coarse(p, &coarse);
@@ -291,7 +291,7 @@ static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *repo
     status = fum_alloc(p->context, (int64_t)splats->columns * splats->rows, sizeof *p->needed, "tiles", &p->needed);
   if (status != FUM_OK) return status;
   for (int64_t i = 0; i < tiles; i++) {
-    if (p->smooth[i]) need(p, i);
+    if (p->smooth[i]) mark_around(p, i, around, p->needed);
   }
   status = draw_part(p, &coarse, true);
   if (status != FUM_OK) return status;
@@ -308,17 +308,15 @@ static int32_t draw_coarse(painting *p, float tolerance, fum_coarse_report *repo
 int32_t fum_coarse_draw(fum_context *context, fum_tile_job *job, const fum_splats_options *options, float tolerance,
                         fum_splats *splats, fum_coarse_report *out) {
   painting p = {.context = context, .job = job};
-  double start_s = fum_now_s();
   *out = (fum_coarse_report){.step = 1};
   int32_t status = fum_coarse_grid_begin(context, job, &p.grid);
   if (status == FUM_OK && p.grid.step > 1) {
     status = fum_splats_find(context, job->octree, &p.grid.view, job->slabs, options, splats);
-    if (status == FUM_OK) out->seen_count = fum_coarse_grid_mark(context, splats, &p.grid);
+    if (status == FUM_OK) out->seen_count = fum_coarse_grid_mark(context, splats, job->octree, &p.grid);
     if (status == FUM_OK) status = sort_tiles(&p, out);
     if (2 * out->fine_count <= out->tile_count) out->step = p.grid.step;
   }
-  out->sort_s = fum_now_s() - start_s;
-  start_s = fum_now_s();
+  const double start_s = fum_now_s();
   if (status == FUM_OK && out->step > 1) status = draw_coarse(&p, tolerance, out);
   out->draw_s = fum_now_s() - start_s;
   if (out->step == 1) out->fine_count = out->tile_count;

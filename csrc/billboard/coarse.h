@@ -13,7 +13,7 @@ typedef struct fum_coarse_report {
   int64_t tile_count; /* with smoke... */
   int64_t fine_count; /* ...and those of them that were drawn pixel by pixel */
   int64_t seen_count; /* particles */
-  double sort_s, draw_s;
+  double draw_s;      /* the rest of the time went into sorting */
 } fum_coarse_report;
 
 /* Draws all of a picture without smears and deep pixels: finds the splats for `job`, and leaves them as the last tiles

@@ -6,9 +6,9 @@
 
 /* Error of what is interpolated, over the tolerance: relative to the pixel's own value and, where it is darker, to the
  * mean of what is seen of the smoke. */
-static const float OPACITY_SHARE = 0.1F;
+static const float OPACITY_SHARE = 0.2F;
 /* Light isn't smooth pixel by pixel either: between samples of light it is interpolated, and bends there. */
-static const float LIGHT_SHARE = 0.25F;
+static const float LIGHT_SHARE = 0.4F;
 /* Of a wave of w radians from point to point, splines of the fifth degree lose 2 / (1 + (2 pi / w - 1)^6) at most. Its
  * twelfth difference, (2 sin(w / 2))^12, over 16384 is that, for w from 1 to 2.5 within a factor of 1.6; waves come
  * together. */

@@ -111,8 +111,9 @@ static void find_pixels(const fum_coarse_grid *grid, const fum_splat *splat, int
   out[1] = (middle + half) * step - 0.5F;
 }
 
-void fum_coarse_grid_tiles(const fum_coarse_grid *grid, const fum_splat *splat, int axis, float beyond,
-                           int32_t out[2]) {
+/* First and last of the picture's tiles, along an axis, that a splat of the grid's view may touch; `beyond`: points of
+ * the grid. Empty where it is beside the picture. */
+static void find_tiles(const fum_coarse_grid *grid, const fum_splat *splat, int axis, float beyond, int32_t out[2]) {
   const float scale = 1.0F / (float)FUM_TILE;
   float pixels[2];
   find_pixels(grid, splat, axis, beyond, pixels);
@@ -140,7 +141,8 @@ static void mark_splat(const fum_coarse_grid *grid, const int32_t columns[2], co
   }
 }
 
-int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, const fum_coarse_grid *grid) {
+int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, const fum_octree *octree,
+                             const fum_coarse_grid *grid) {
   const float beyond = 6.0F; /* points: what splines make of a narrow splat has faded by then */
   const bool is_perspective = grid->view.type == FUM_CAMERA_PERSPECTIVE;
   const float narrow = (float)(NARROW * fum_view_pixel(&grid->view));
@@ -151,10 +153,10 @@ int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, con
     int32_t columns[2], rows[2];
     if (!(s->half_px[0] > 0.0F)) continue;
     const bool is_narrow = s->sigma < narrow * (is_perspective ? -s->center[2] : 1.0F);
-    seen += is_in_picture(grid, s);
+    if (is_in_picture(grid, s)) seen += fum_octree_members(octree, i);
     if (!is_narrow) continue;
-    fum_coarse_grid_tiles(grid, s, 0, beyond, columns);
-    fum_coarse_grid_tiles(grid, s, 1, beyond, rows);
+    find_tiles(grid, s, 0, beyond, columns);
+    find_tiles(grid, s, 1, beyond, rows);
     mark_splat(grid, columns, rows);
   }
   return seen;

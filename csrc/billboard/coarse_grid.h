@@ -22,12 +22,9 @@ int32_t fum_coarse_grid_begin(fum_context *context, const fum_tile_job *job, fum
 void fum_coarse_grid_end(fum_context *context, fum_coarse_grid *grid);
 
 /* Marks tiles that are touched by splats (of the grid's view) which are too narrow for its step. Returns how many
- * splats are in the picture. */
-int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, const fum_coarse_grid *grid);
-
-/* First and last of the picture's tiles, along an axis, that a splat of the grid's view may touch; `beyond`: points of
- * the grid. Empty where it is beside the picture. */
-void fum_coarse_grid_tiles(const fum_coarse_grid *grid, const fum_splat *splat, int axis, float beyond, int32_t out[2]);
+ * particles of the octree, whose splats they are, are in the picture. */
+int64_t fum_coarse_grid_mark(fum_context *context, const fum_splats *splats, const fum_octree *octree,
+                             const fum_coarse_grid *grid);
 
 /* The point of the grid before a pixel's centre, or at it. */
 static inline int32_t fum_coarse_grid_point(const fum_coarse_grid *grid, int32_t pixel) {

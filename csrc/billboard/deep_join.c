@@ -91,13 +91,14 @@ int32_t fum_deep_join(fum_deep *const *parts, int32_t count, const int32_t of[3]
   }
   find_most(&j);
   int32_t status = make_room(&j);
+  if (status == FUM_OK) status = fum_progress_report(context, FUM_STAGE_DRAWING, 0.0F, "Joining channels");
   if (status != FUM_OK) goto done;
   const int32_t threads = fum_thread_count(context);
 #pragma omp parallel for num_threads(threads) schedule(dynamic)
   for (int32_t y = 0; y < out->height; y++) {
     if (!fum_progress_in_loop(context, y, 4)) join_row(&j, y, NULL);
   }
-  status = fum_progress_report(context, FUM_STAGE_DRAWING, 1.0F, "Joining channels");
+  status = fum_progress_report(context, FUM_STAGE_DRAWING, 0.5F, "Joining channels");
   if (status != FUM_OK) goto done;
   fum_deep_find_rows(out, j.out_firsts);
   out->sample_count = j.out_firsts[out->height];

@@ -3,7 +3,9 @@
 #ifndef FUM_BILLBOARD_SPLATS_H
 #define FUM_BILLBOARD_SPLATS_H
 
+#include "billboard/footprints.h"
 #include "billboard/streak.h"
+#include "billboard/stretch.h"
 #include "lighting/slabs.h"
 
 enum { FUM_TILE = 32 }; /* pixels a side */
@@ -25,13 +27,24 @@ typedef struct fum_splat {
 
 typedef struct fum_splats {
   int64_t count;
-  fum_splat *splats;     /* [count] in the octree's order */
-  fum_streak *streaks;   /* [count] of smeared particles; NULL: none are */
-  int64_t seen_count;    /* those with pixels */
-  int32_t columns, rows; /* of tiles */
-  int64_t *tile_begins;  /* [columns rows + 1] into tile_splats */
-  uint32_t *tile_splats; /* splats of each tile, in the octree's order */
+  fum_splat *splats;      /* [count] in the octree's order */
+  fum_stretch *stretches; /* [count] of an octree's bunches; NULL: all are round */
+  fum_streak *streaks;    /* [count] of smeared particles; NULL: none are */
+  int64_t seen_count;     /* those with pixels */
+  bool has_dust;          /* some are drawn wider than they are */
+  int32_t columns, rows;  /* of tiles */
+  int64_t *tile_begins;   /* [columns rows + 1] into tile_splats */
+  uint32_t *tile_splats;  /* splats of each tile, in the octree's order */
 } fum_splats;
+
+static inline bool fum_splat_is_seen(const fum_splat *s) {
+  return s->half_px[0] > 0.0F;
+}
+
+/* Tiles on so many pixels. */
+static inline int32_t fum_tiles_along(int32_t pixels) {
+  return (pixels + FUM_TILE - 1) / FUM_TILE;
+}
 
 /* Squares of the distances from the splat's middle, over its half size, of the nearest of the pixels first to last. */
 static inline float fum_splat_gap(const fum_splat *s, int axis, float first, float last) {
@@ -39,16 +52,6 @@ static inline float fum_splat_gap(const fum_splat *s, int axis, float first, flo
   const float gap = before > 0.0F ? before : behind > 0.0F ? behind : 0.0F;
   return gap * gap / (s->half_px[axis] * s->half_px[axis]);
 }
-
-/* How far out particles are drawn. */
-typedef struct fum_footprints {
-  double sigmas;      /* one of optical depth 1; others so that as much of them lies outside... */
-  double thin_sigmas; /* ...but at least so far */
-  double thin;        /* optical depth of those that are drawn that far */
-  double per_kept;    /* what is within thin_sigmas times this is all of a Gaussian */
-} fum_footprints;
-
-fum_footprints fum_footprints_find(double sigmas, double thin_sigmas);
 
 /* How particles are seen: `smears` NULL where they stand; `thinnest` as in fum_slabs_find. */
 typedef struct fum_splats_options {
@@ -61,12 +64,11 @@ typedef struct fum_splats_options {
 int32_t fum_splats_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                         const fum_splats_options *options, fum_splats *out_splats);
 
-/* What is left of splats, without streaks, when they are seen in a picture of the same camera with other pixels. */
+/* Splats, without streaks, when they are seen in a picture of the same camera with other pixels. */
 typedef struct fum_splats_again {
-  bool (*is_asked)(const void *user, const fum_splat *splat); /* of the others none is seen; NULL: all are asked for and
-                                                                 seen anew */
-  const void *user;
-  const uint8_t *wanted; /* [columns rows] tiles that they are sorted into; NULL: all */
+  const uint8_t *from;   /* [columns rows] tiles whose splats are asked for, the others are in none; NULL: all are, and
+                            seen anew */
+  const uint8_t *wanted; /* [columns rows] tiles of the new picture that they are sorted into; NULL: all */
   float scale, shift[2]; /* from the old pixels to the new ones */
 } fum_splats_again;
 

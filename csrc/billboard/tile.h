@@ -83,7 +83,8 @@ typedef struct fum_tile_rgb {
 
 /* Buffers of one thread; zeroed before the first tile. */
 typedef struct fum_tile_scratch {
-  float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride) */
+  float *slabs; /* [slab][channel][FUM_TILE_PIXELS], slabs a little further apart (slab_stride); behind them room for
+                   shares of splats */
   int64_t slabs_size;
   fum_tile_held *held;        /* [lamp] */
   fum_tile_rgb *parts;        /* [light + 1] of each light that is asked for by itself, and of emission */

@@ -14,8 +14,23 @@ typedef struct taps {
   float weights[4][FUM_TILE];
 } taps;
 
-/* Catmull and Rom 1974: cubic, through the samples. */
-static void find_taps(const float *places, float origin, float spacing, taps *out) {
+typedef void (*find_taps_fn)(const float *places, float origin, float spacing, taps *out);
+
+/* Weights of the cubic B-splines (lattice_spline.h). */
+static void find_spline_taps(const float *places, float origin, float spacing, taps *out) {
+  const float sixth = 0.16666667F;
+  for (int32_t i = 0; i < FUM_TILE; i++) {
+    const float at = (places[i] - origin) / spacing, whole = floorf(at), f = at - whole, rest = 1.0F - f;
+    out->first[i] = (int32_t)whole - 1;
+    out->weights[0][i] = sixth * rest * rest * rest;
+    out->weights[1][i] = sixth * (4.0F + f * f * (3.0F * f - 6.0F));
+    out->weights[2][i] = sixth * (4.0F + rest * rest * (3.0F * rest - 6.0F));
+    out->weights[3][i] = sixth * f * f * f;
+  }
+}
+
+/* Catmull and Rom 1974: cubic, through the samples. For what has edges: it hears no sample beyond the four. */
+static void find_cubic_taps(const float *places, float origin, float spacing, taps *out) {
   for (int32_t i = 0; i < FUM_TILE; i++) {
     const float at = (places[i] - origin) / spacing, whole = floorf(at), f = at - whole;
     out->first[i] = (int32_t)whole - 1;
@@ -30,30 +45,52 @@ static int32_t clamp_index(int32_t i, int32_t count) {
   return i < 0 ? 0 : i >= count ? count - 1 : i;
 }
 
+static bool are_within(const taps *t, int32_t count) {
+  int32_t least = t->first[0], most = t->first[0];
+  for (int32_t i = 1; i < FUM_TILE; i++) {
+    least = t->first[i] < least ? t->first[i] : least;
+    most = t->first[i] > most ? t->first[i] : most;
+  }
+  return least >= 0 && most + 4 <= count;
+}
+
+/* Values of a row of samples at the tile's columns. `is_within`: all of them are between samples. */
+static void interpolate_row(const taps *across, bool is_within, const float *row, int32_t count, float *out) {
+  for (int32_t x = 0; x < FUM_TILE && is_within; x++) {
+    const float *at = row + across->first[x];
+    out[x] = across->weights[0][x] * at[0] + across->weights[1][x] * at[1] + across->weights[2][x] * at[2] +
+             across->weights[3][x] * at[3];
+  }
+  for (int32_t x = 0; x < FUM_TILE && !is_within; x++) {
+    out[x] = 0.0F;
+    for (int32_t k = 0; k < 4; k++)
+      out[x] += across->weights[k][x] * row[clamp_index(across->first[x] + k, count)];
+  }
+}
+
 /* Values of a face at the tile's pixels. */
-static void interpolate(const fum_lattice_face *face, const float *values, const float *u, const float *v, float *out) {
+static void interpolate(const fum_lattice_face *face, find_taps_fn find_taps, const float *values, const float *u,
+                        const float *v, float *out) {
   taps across, up;
   find_taps(u, face->origin[0], face->spacing[0], &across);
   find_taps(v, face->origin[1], face->spacing[1], &up);
+  const bool is_within = are_within(&across, face->columns);
   float rows[4][FUM_TILE]; /* row r of the face is kept at r & 3 */
   int32_t next = up.first[0];
   for (int32_t y = 0; y < FUM_TILE; y++) {
     for (int32_t r = next > up.first[y] ? next : up.first[y]; r < up.first[y] + 4; r++) {
       const float *row = values + face->first + (int64_t)clamp_index(r, face->rows) * face->columns;
-      for (int32_t x = 0; x < FUM_TILE; x++) {
-        float sum = 0.0F;
-        for (int32_t k = 0; k < 4; k++)
-          sum += across.weights[k][x] * row[clamp_index(across.first[x] + k, face->columns)];
-        rows[r & 3][x] = sum;
-      }
+      interpolate_row(&across, is_within, row, face->columns, rows[r & 3]);
     }
     next = up.first[y] + 4;
-    for (int32_t x = 0; x < FUM_TILE; x++) {
-      float sum = 0.0F;
-      for (int32_t k = 0; k < 4; k++)
-        sum += up.weights[k][y] * rows[(up.first[y] + k) & 3][x];
-      out[fum_tile_pixel(x, y)] = sum;
-    }
+    const float *const around[4] = {rows[up.first[y] & 3], rows[(up.first[y] + 1) & 3], rows[(up.first[y] + 2) & 3],
+                                    rows[(up.first[y] + 3) & 3]};
+    float along[FUM_TILE];
+    for (int32_t x = 0; x < FUM_TILE; x++)
+      along[x] = up.weights[0][y] * around[0][x] + up.weights[1][y] * around[1][x] + up.weights[2][y] * around[2][x] +
+                 up.weights[3][y] * around[3][x];
+    for (int32_t x = 0; x < FUM_TILE; x += FUM_BLOCK)
+      memcpy(out + fum_tile_pixel(x, y), along + x, FUM_BLOCK * sizeof *out);
   }
 }
 
@@ -68,7 +105,8 @@ static const float *held_on_face(const fum_light_grid *grid, int32_t lamp, int32
       values[i] = NAN;
     return values;
   }
-  interpolate(&lattice->faces[face], lattice->depths + lamp * lattice->sample_count, grid->columns, grid->rows, values);
+  interpolate(&lattice->faces[face], find_spline_taps, lattice->depths + lamp * lattice->sample_count, grid->columns,
+              grid->rows, values);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     values[i] = values[i] < 0.0F ? 0.0F : values[i];
   return values;
@@ -87,8 +125,8 @@ static void interpolate_middle(const fum_light_grid *grid, const float *values, 
   float other[FUM_TILE_PIXELS];
   memset(out, 0, FUM_TILE_PIXELS * sizeof *out);
   if (begin->columns == 0) return;
-  interpolate(begin, values + lamp * lattice->sample_count, grid->columns, grid->rows, out);
-  interpolate(end, values + lamp * lattice->sample_count, grid->columns, grid->rows, other);
+  interpolate(begin, find_cubic_taps, values + lamp * lattice->sample_count, grid->columns, grid->rows, out);
+  interpolate(end, find_cubic_taps, values + lamp * lattice->sample_count, grid->columns, grid->rows, other);
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i++)
     out[i] = 0.5F * (out[i] + other[i]);
 }

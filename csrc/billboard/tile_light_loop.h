@@ -31,24 +31,25 @@ static fum_vf neighbour_extinction(const float *depths, int32_t pixel, fum_vf le
 static fum_vf find_leans(const fum_slab_smoke *smoke, const float ranges[4], fum_vf near, fum_vf far, int32_t pixel) {
   fum_vf ends[4];
   for (int k = 0; k < 4; k++)
-    ends[k] = vf_min(vf_max(fum_vf_set(ranges[k]), near), far);
+    ends[k] = fum_vf_min(fum_vf_max(fum_vf_set(ranges[k]), near), far);
   const fum_vf length = ends[2] - ends[1], least = 0.25F * length;
-  const fum_vf here = fum_vf_load(smoke->depth + pixel) / vf_max(length, fum_vf_set(1e-30F));
+  const fum_vf here = fum_vf_load(smoke->depth + pixel) / fum_vf_max(length, fum_vf_set(1e-30F));
   fum_vi has_before, has_next;
   const fum_vf before = neighbour_extinction(smoke->before, pixel, ends[1] - ends[0], least, &has_before);
   const fum_vf next = neighbour_extinction(smoke->next, pixel, ends[3] - ends[2], least, &has_next);
   const fum_vf first = fum_vf_select(has_before, (here - before) * length / (ends[2] - ends[0]), ZERO);
   const fum_vf second = fum_vf_select(has_next, (next - here) * length / (ends[3] - ends[1]), ZERO);
   const fum_vf share = fum_vf_select(has_before & has_next, fum_vf_set(0.5F), fum_vf_set(1.0F));
-  return vf_min(vf_max(share * (first + second) / vf_max(here, fum_vf_set(1e-30F)), fum_vf_set(-1.0F)),
-                fum_vf_set(1.0F));
+  return fum_vf_min(fum_vf_max(share * (first + second) / fum_vf_max(here, fum_vf_set(1e-30F)), fum_vf_set(-1.0F)),
+                    fum_vf_set(1.0F));
 }
 
 static spans find_spans(const fum_light_grid *grid, const fum_slab_smoke *smoke, const float ranges[4], int32_t pixel) {
   const fum_vf near = fum_vf_load(grid->near + pixel), far = fum_vf_load(grid->far + pixel);
   const fum_vf first = fum_vf_set(ranges[1]), last = fum_vf_set(ranges[2]);
-  spans s = {.begin = vf_min(last, vf_max(first, near)) - first, .optical_depth = fum_vf_load(smoke->depth + pixel)};
-  s.end = vf_max(s.begin, vf_min(last, far) - first);
+  spans s = {.begin = fum_vf_min(last, fum_vf_max(first, near)) - first,
+             .optical_depth = fum_vf_load(smoke->depth + pixel)};
+  s.end = fum_vf_max(s.begin, fum_vf_min(last, far) - first);
   s.length = s.end - s.begin;
   s.lean = fum_vf_select(s.length > 0.0F, find_leans(smoke, ranges, near, far, pixel), ZERO);
   return s;
@@ -134,7 +135,7 @@ static fum_vi are_uneven(const fum_light_grid *grid, const spans *s, const passi
              (fum_vf_abs(seen - (1.0F - grid->job->solid_shadow_intensity)) > FUM_SHADOW_SLACK);
   }
   if (!p->is_sun) {
-    const fum_vf clear = fum_vf_at_least(vf_max(s->begin - p->nearest, p->nearest - s->end), 0.0F);
+    const fum_vf clear = fum_vf_at_least(fum_vf_max(s->begin - p->nearest, p->nearest - s->end), 0.0F);
     uneven |= s->length * s->length > FUM_STEEP * FUM_STEEP * (p->squared_beside + clear * clear);
   }
   return uneven & (s->length > 0.0F);
@@ -142,7 +143,7 @@ static fum_vi are_uneven(const fum_light_grid *grid, const spans *s, const passi
 
 /* fum_emitter_irradiance of all of a point light; x / (root (1 + root)) is 1 - 1 / root of root^2 = 1 + x. */
 static fum_vf point_irradiance(float radius, fum_vf squared_distance) {
-  const fum_vf squared = vf_max(squared_distance, fum_vf_set(1e-30F));
+  const fum_vf squared = fum_vf_max(squared_distance, fum_vf_set(1e-30F));
   const fum_vf root = fum_vf_sqrt(1.0F + radius * radius / squared);
   return 2.0F / (squared * root * (1.0F + root));
 }
@@ -174,8 +175,8 @@ static fum_vf scatter_around(const fum_light_grid *grid, const fum_lamp *lamp, i
     const fum_vf cosine = to.x * direction[0] + to.y * direction[1] + to.z * direction[2];
     const fum_vf along = cosine * part->closeness;
     const fum_vf across = fum_vf_sqrt(fum_vf_at_least(1.0F - cosine * cosine, 0.0F)) * part->spread;
-    sum += (0.5F * part->irradiance[lamp->channel]) *
-           (phase(g, vf_min(along + across, fum_vf_set(1.0F))) + phase(g, vf_max(along - across, fum_vf_set(-1.0F))));
+    sum += (0.5F * part->irradiance[lamp->channel]) * (phase(g, fum_vf_min(along + across, fum_vf_set(1.0F))) +
+                                                       phase(g, fum_vf_max(along - across, fum_vf_set(-1.0F))));
   }
   return sum;
 }
@@ -198,10 +199,10 @@ static void light_middles(const fum_light_grid *grid, const fum_lamp *lamp, cons
   const fum_vf bend = depth_at(held, p, slab_length, along) - 0.5F * (begin + end) + 0.25F * s->lean * (end - begin);
   const fum_vf a = s->optical_depth + end - begin;
   const fum_vf exponent =
-      vf_min(vf_max(bend * (4.0F / fum_vf_sqrt(36.0F + a * a)), fum_vf_set(-1.0F)), fum_vf_set(1.0F));
+      fum_vf_min(fum_vf_max(bend * (4.0F / fum_vf_sqrt(36.0F + a * a)), fum_vf_set(-1.0F)), fum_vf_set(1.0F));
   const fum_vf shine = p->is_sun ? fum_vf_set(1.0F) : point_irradiance(lamp->desc.radius, distance * distance);
   const fum_vf bent = strength * shine * fum_vf_exp2(exponent * -1.44269504F);
-  const fum_vf cosine = p->is_sun ? p->cosine : (p->nearest - along) / vf_max(distance, fum_vf_set(1e-20F));
+  const fum_vf cosine = p->is_sun ? p->cosine : (p->nearest - along) / fum_vf_max(distance, fum_vf_set(1e-20F));
   fum_vf_store(out->begin + pixel, begin);
   fum_vf_store(out->end + pixel, end);
   for (int32_t c = 0; c < job->class_count; c++) {
@@ -245,7 +246,7 @@ static void light_slab(const fum_light_grid *grid, int32_t index, const fum_slab
       const parabolas depths = find_parabolas(around.faces, around.ranges, i);
       fum_vf strength = fum_vf_set(sun);
       if (around.visible != NULL)
-        strength *= vf_min(fum_vf_at_least(fum_vf_load(around.visible + i), 0.0F), fum_vf_set(1.0F));
+        strength *= fum_vf_min(fum_vf_at_least(fum_vf_load(around.visible + i), 0.0F), fum_vf_set(1.0F));
       light_middles(grid, lamp, &s, &p, &depths, around.ranges[2] - around.ranges[1], strength, held->around, i, out);
       left &= is_around ? 0 : fum_vi_bits(are_uneven(grid, &s, &p, around.visible, i));
     }

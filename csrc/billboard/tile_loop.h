@@ -9,14 +9,14 @@
 
 /* (1 - exp(-x)) / x */
 static fum_vf mean_attenuation(fum_vf x) {
-  const fum_vf clamped = vf_max(x, fum_vf_set(-60.0F)), magnitude = fum_vf_abs(clamped);
+  const fum_vf clamped = fum_vf_max(x, fum_vf_set(-60.0F)), magnitude = fum_vf_abs(clamped);
   const fum_vf series =
       1.0F - clamped * (0.5F - clamped * (0.16666667F - clamped * (0.041666668F - clamped * 0.008333334F)));
   /* exp of -|x| only; for x < 0, (exp(|x|) - 1) / |x| = exp(|x|) (1 - exp(-|x|)) / |x| */
   const fum_vf decay = fum_vf_exp2(magnitude * -1.44269504F);
-  const fum_vf safe = vf_max(magnitude, fum_vf_set(1e-3F));
+  const fum_vf safe = fum_vf_max(magnitude, fum_vf_set(1e-3F));
   const fum_vf plain = (1.0F - decay) / safe;
-  const fum_vf value = fum_vf_select(clamped < 0.0F, plain / vf_max(decay, fum_vf_set(1e-30F)), plain);
+  const fum_vf value = fum_vf_select(clamped < 0.0F, plain / fum_vf_max(decay, fum_vf_set(1e-30F)), plain);
   return fum_vf_select(magnitude < 0.1F, series, value);
 }
 
@@ -35,7 +35,7 @@ static void add_light(const tile *t, const float *slab, const fum_slab_light *li
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
     const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(fronts + i);
     const fum_vf begin = fum_vf_load(light->begin + i), end = fum_vf_load(light->end + i);
-    const fum_vf attenuation = fum_vf_exp2(vf_min(front + begin, fum_vf_set(80.0F)) * -1.44269504F);
+    const fum_vf attenuation = fum_vf_exp2(fum_vf_min(front + begin, fum_vf_set(80.0F)) * -1.44269504F);
     const fum_vf mean = attenuation * mean_attenuation(depth + end - begin);
     for (int32_t k = 0; k < job->class_count; k++) {
       const fum_vf strength = mean * fum_vf_load(light->strengths[k] + i);
@@ -52,7 +52,7 @@ static void add_glow(const tile *t, const float *slab, const float *fronts, fum_
   const float *glow = slab + (int64_t)(1 + 3 * t->job->class_count) * FUM_TILE_PIXELS;
   for (int32_t i = 0; i < FUM_TILE_PIXELS; i += FUM_LANES) {
     const fum_vf depth = fum_vf_load(slab + i), front = fum_vf_load(fronts + i);
-    const fum_vf mean = fum_vf_exp2(vf_min(front, fum_vf_set(80.0F)) * -1.44269504F) * mean_attenuation(depth);
+    const fum_vf mean = fum_vf_exp2(fum_vf_min(front, fum_vf_set(80.0F)) * -1.44269504F) * mean_attenuation(depth);
     for (int c = 0; c < 3; c++) {
       const fum_vf emitted = fum_vf_load(glow + (int64_t)c * FUM_TILE_PIXELS + i);
       fum_vf_store(out->of[c] + i, fum_vf_load(out->of[c] + i) + mean * emitted);
@@ -163,13 +163,13 @@ static bool make_room(tile *t, const uint32_t *indices, int64_t count, fum_tile_
   int32_t low = INT32_MAX, high = -1;
   for (int64_t n = 0; n < count; n++) {
     const fum_splat *s = &t->job->splats->splats[indices[n]];
-    if (n + AHEAD < count) __builtin_prefetch(&t->job->splats->splats[indices[n + AHEAD]].first_slab);
+    if (n + BATCH < count) __builtin_prefetch(&t->job->splats->splats[indices[n + BATCH]].first_slab);
     low = s->first_slab < low ? s->first_slab : low;
     high = s->last_slab > high ? s->last_slab : high;
   }
   t->first_slab = low;
   t->slab_count = high - low + 1;
-  const int64_t size = t->slab_count * slab_stride(t);
+  const int64_t cleared = t->slab_count * slab_stride(t), size = cleared + (int64_t)t->slab_count * SHARES;
   if (size > scratch->slabs_size) {
     free(scratch->slabs);
     scratch->slabs = aligned_alloc(64, (size_t)size * sizeof(float));
@@ -179,7 +179,8 @@ static bool make_room(tile *t, const uint32_t *indices, int64_t count, fum_tile_
     scratch->is_out_of_memory = true;
     return false;
   }
-  memset(scratch->slabs, 0, (size_t)size * sizeof(float));
+  memset(scratch->slabs, 0, (size_t)cleared * sizeof(float));
+  t->shares = scratch->slabs + cleared;
   return true;
 }
 

@@ -32,8 +32,8 @@ typedef struct map_place {
 
 static map_place find_map_place(int32_t width, int32_t height, fum_vf x, fum_vf y) {
   const fum_vf columns = x * (float)width - 0.5F, rows = y * (float)height - 0.5F;
-  const fum_vf column = vf_min(fum_vf_at_least(columns, 0.0F), fum_vf_set((float)(width - 1)));
-  const fum_vf row = vf_min(fum_vf_at_least(rows, 0.0F), fum_vf_set((float)(height - 1)));
+  const fum_vf column = fum_vf_min(fum_vf_at_least(columns, 0.0F), fum_vf_set((float)(width - 1)));
+  const fum_vf row = fum_vf_min(fum_vf_at_least(rows, 0.0F), fum_vf_set((float)(height - 1)));
   const fum_vi left = __builtin_convertvector(column, fum_vi), below = __builtin_convertvector(row, fum_vi);
   return (map_place){.first = 4 * (below * width + left),
                      .right = (left < width - 1) & 4,

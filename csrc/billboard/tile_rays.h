@@ -10,6 +10,9 @@
 /* The widest vectors, whatever the instruction set. */
 enum { WIDEST_LANES = 16 };
 
+/* Splats whose shares of slabs are found together: a lane each. */
+enum { BATCH = WIDEST_LANES, SHARES = 2 * BATCH };
+
 /* A tile on its way. Pixels are in the order of fum_tile_pixel. */
 typedef struct tile {
   const fum_tile_job *job;
@@ -23,6 +26,7 @@ typedef struct tile {
   float near[FUM_TILE_PIXELS], far[FUM_TILE_PIXELS]; /* ranges between which the ray sees smoke */
   float weights[FUM_TILE_PIXELS];                    /* shares of the pixels that the depths are for */
   float nearest_far, farthest_near;
+  float *shares; /* [slab_count][2][BATCH] from a splat's first slab on: what it leaves there, how that changes */
   float ranges[FUM_MAX_SLABS + 1 + WIDEST_LANES]; /* of the faces from first_slab on */
 } tile;
 
@@ -68,13 +72,6 @@ static void aim(tile *t) {
  * would fall into the same few lines of the cache, and each load would wait for the store before it. */
 static int64_t slab_stride(const tile *t) {
   return (int64_t)t->channels * FUM_TILE_PIXELS + WIDEST_LANES;
-}
-
-static fum_vf vf_min(fum_vf a, fum_vf b) {
-  return fum_vf_select(a < b, a, b);
-}
-static fum_vf vf_max(fum_vf a, fum_vf b) {
-  return fum_vf_select(a > b, a, b);
 }
 
 #endif

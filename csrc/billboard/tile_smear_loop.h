@@ -15,7 +15,7 @@ static void find_streak_patch(const tile *t, const fum_streak *s, const patch *b
 }
 
 static fum_vf vf_clamp(fum_vf v, float low, float high) {
-  return vf_min(vf_max(v, fum_vf_set(low)), fum_vf_set(high));
+  return fum_vf_min(fum_vf_max(v, fum_vf_set(low)), fum_vf_set(high));
 }
 
 /* Where along the rays a smeared splat lies: a normal distribution. */
@@ -28,13 +28,15 @@ typedef struct whereabouts {
 static void cut_into_slabs(const tile *t, const fum_splat *s, int32_t pixel, fum_vf depth, const whereabouts *at,
                            const float *look, float *slabs) {
   const int32_t first = s->first_slab - t->first_slab, last = s->last_slab - t->first_slab;
-  const fum_vf near = fum_vf_load(t->near + pixel), far = vf_max(near, fum_vf_load(t->far + pixel));
+  const fum_vf near = fum_vf_load(t->near + pixel), far = fum_vf_max(near, fum_vf_load(t->far + pixel));
   fum_vf before = ZERO;
   for (int32_t j = first - 1; j <= last; j++) {
-    const fum_vf end = j < first ? near : j == last ? far : vf_max(near, vf_min(fum_vf_set(t->ranges[j + 1]), far));
+    const fum_vf end = j < first   ? near
+                       : j == last ? far
+                                   : fum_vf_max(near, fum_vf_min(fum_vf_set(t->ranges[j + 1]), far));
     const fum_vf z = (end - at->range) * at->inverse_deviation, tail = fum_vf_normal_tail(fum_vf_abs(z));
     const fum_vf until = fum_vf_select(z > 0.0F, 1.0F - tail, tail);
-    if (j >= first) deposit(t, slabs + j * slab_stride(t) + pixel, depth * vf_max(until - before, ZERO), look);
+    if (j >= first) deposit(t, slabs + j * slab_stride(t) + pixel, depth * fum_vf_max(until - before, ZERO), look);
     before = until;
   }
 }
@@ -74,10 +76,14 @@ static bool are_close(const block_sight *b, float range, float inverse) {
   return beyond == 0;
 }
 
+typedef struct cut_shares {
+  float of[FUM_MAX_SLABS + WIDEST_LANES], change[FUM_MAX_SLABS + WIDEST_LANES];
+} cut_shares;
+
 /* The same for a block of pixels that is clear of every cut: shares of its mean, and how they change with the range
  * from pixel to pixel. */
 static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, const block_sight *b, float range,
-                      float inverse, const float *look, float *slabs, share *shares) {
+                      float inverse, const float *look, float *slabs, cut_shares *shares) {
   const float unseen = 1e-6F;
   const int32_t first = s->first_slab - t->first_slab, count = s->last_slab - s->first_slab + 1;
   const float *ends = t->ranges + first + 1;
@@ -85,7 +91,7 @@ static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, co
     const fum_vf z = (fum_vf_load(ends + j) - range) * inverse, tail = fum_vf_normal_tail(fum_vf_abs(z));
     fum_vf_store(shares->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
     fum_vf_store(shares->change + j,
-                 -0.39894228F * inverse * fum_vf_exp2(vf_max(z * z * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F))));
+                 -0.39894228F * inverse * fum_vf_exp2(fum_vf_max(z * z * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F))));
   }
   shares->of[count - 1] = 1.0F;
   shares->change[count - 1] = 0.0F;
@@ -98,7 +104,7 @@ static void cut_block(const tile *t, const fum_splat *s, int32_t first_pixel, co
     float *at = slabs + (first + j) * slab_stride(t) + first_pixel;
     for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
       const fum_vf here = part + (b->at[k].range - range) * bend;
-      deposit(t, at + k * FUM_LANES, b->depths[k] * vf_max(here, ZERO), look);
+      deposit(t, at + k * FUM_LANES, b->depths[k] * fum_vf_max(here, ZERO), look);
     }
   }
 }
@@ -110,7 +116,7 @@ static bool is_clear_of_cuts(const tile *t, uint32_t index) {
 }
 
 static void add_block(const tile *t, uint32_t index, int32_t first_pixel, const block_sight *b, const float *look,
-                      float *slabs, share *shares) {
+                      float *slabs, cut_shares *shares) {
   const fum_splat *s = &t->job->splats->splats[index];
   float range, inverse;
   if (!find_means(b, &range, &inverse)) return;
@@ -185,7 +191,7 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
   const fum_vf nearest = fum_vf_select(is_long, -p->product / squared, ZERO);
   const fum_vf aside = fum_vf_select(is_long, p->area * p->area / squared, p->offset_squared);
   const fum_vf low = (-0.5F - nearest) * length, high = (0.5F - nearest) * length;
-  const fum_vf share = vf_max(fum_vf_normal_interval(low, high), fum_vf_set(1e-30F));
+  const fum_vf share = fum_vf_max(fum_vf_normal_interval(low, high), fum_vf_set(1e-30F));
   const fum_vf begin = 0.39894228F * fum_vf_exp2(low * low * -FUM_HALF_LOG2_E),
                end = 0.39894228F * fum_vf_exp2(high * high * -FUM_HALF_LOG2_E);
   const fum_vf stretched = share * 2.50662827F / length;
@@ -201,7 +207,7 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
   out->inverse_deviation = 1.0F / fum_vf_sqrt(w->variance + pace * pace * variance);
   const fum_vf ended = vf_clamp(nearest, -0.5F, 0.5F);
   const fum_vf distance = p->offset_squared + ended * (2.0F * p->product + ended * p->motion_squared);
-  const fum_vf gauss = fum_vf_exp2(vf_max(aside * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F)));
+  const fum_vf gauss = fum_vf_exp2(fum_vf_max(aside * -FUM_HALF_LOG2_E, fum_vf_set(-200.0F)));
   const fum_vf mean = gauss * fum_vf_select(is_long, stretched, bent);
   return fum_vf_select(distance > w->footprint * w->footprint, ZERO, mean);
 }
@@ -209,7 +215,7 @@ static fum_vf find_mean(const sweep *w, const passing *p, whereabouts *out) {
 static void add_sweep(const tile *t, uint32_t index, const patch *p, const float *look, float *slabs) {
   const sweep w = find_sweep(t, &t->job->splats->splats[index], &t->job->smears->items[index]);
   block_sight b;
-  share shares;
+  cut_shares shares;
   for (int32_t n = 0; n < p->count; n++) {
     uint32_t seen = 0;
     for (int32_t k = 0; k < BLOCK_VECTORS; k++) {
@@ -282,7 +288,7 @@ static void add_image(const tile *t, uint32_t index, const image *i, const patch
   const fum_bokeh *bokeh = t->job->bokeh;
   const float *m = i->place.units;
   block_sight b;
-  share shares;
+  cut_shares shares;
   for (int32_t n = 0; n < p->count; n++) {
     uint32_t seen = 0;
     for (int32_t k = 0; k < BLOCK_VECTORS; k++) {

@@ -40,29 +40,32 @@ typedef struct patch {
 } patch;
 
 /* fum_splat_gap of rows or columns of blocks, from the one at `first` on. */
-static void find_gaps(const fum_splat *s, int axis, int32_t first, float *gaps) {
-  static const float BEGINS[FUM_BLOCKS] = {0, 4, 8, 12, 16, 20, 24, 28};
+static void find_gaps(const fum_splat *s, int axis, int32_t first, float gaps[WIDEST_LANES]) {
+  static const float BEGINS[WIDEST_LANES] = {0, 4, 8, 12, 16, 20, 24, 28};
   const float start = (float)first - s->middle_px[axis], per_half = 1.0F / s->half_px[axis];
-  for (int32_t k = 0; k < FUM_BLOCKS; k++) {
-    const float begin = start + BEGINS[k], end = begin + (float)(FUM_BLOCK - 1);
-    const float gap = fum_max(fum_max(begin, -end), 0.0F) * per_half;
-    gaps[k] = gap * gap;
+  for (int32_t k = 0; k < FUM_BLOCKS; k += FUM_LANES) {
+    const fum_vf begin = fum_vf_load(BEGINS + k) + start, end = begin + (float)(FUM_BLOCK - 1);
+    const fum_vf gap = fum_vf_at_least(fum_vf_max(begin, -end), 0.0F) * per_half;
+    fum_vf_store(gaps + k, gap * gap);
   }
 }
 
+/* Those of a row's or column's blocks whose gaps are at most `left`, as bits. */
+static uint32_t find_touched(const float gaps[WIDEST_LANES], float left) {
+  uint32_t touched = 0;
+  for (int32_t k = 0; k < FUM_BLOCKS; k += FUM_LANES)
+    touched |= fum_vi_bits(fum_vf_load(gaps + k) <= left) << k;
+  return touched & ((1U << FUM_BLOCKS) - 1);
+}
+
 static void find_patch(const tile *t, const fum_splat *s, patch *out) {
-  const uint32_t all = (1U << FUM_BLOCKS) - 1;
-  float across[WIDEST_LANES] = {0.0F}, up[FUM_BLOCKS];
+  float across[WIDEST_LANES], up[WIDEST_LANES];
   find_gaps(s, 0, t->x0, across);
   find_gaps(s, 1, t->y0, up);
   out->count = 0;
-  for (int32_t y = 0; y < FUM_BLOCKS; y++) {
-    const float left = s->rim - up[y];
-    if (!(left >= 0.0F)) continue;
-    uint32_t touched = 0;
-    for (int32_t x = 0; x < FUM_BLOCKS; x += FUM_LANES)
-      touched |= fum_vi_bits(fum_vf_load(across + x) <= left) << x;
-    for (touched &= all; touched != 0; touched &= touched - 1)
+  for (uint32_t rows = find_touched(up, s->rim); rows != 0; rows &= rows - 1) {
+    const int32_t y = __builtin_ctz(rows);
+    for (uint32_t touched = find_touched(across, s->rim - up[y]); touched != 0; touched &= touched - 1)
       out->blocks[out->count++] = (y * FUM_BLOCKS + __builtin_ctz(touched)) * FUM_BLOCK_PIXELS;
   }
 }
@@ -75,25 +78,67 @@ static void deposit(const tile *t, float *at, fum_vf depth, const float *look) {
   }
 }
 
-/* What a far splat leaves in each slab that it reaches into, and how that changes as the splat moves along the view by
- * one metre. */
-typedef struct share {
-  float of[FUM_MAX_SLABS + WIDEST_LANES], change[FUM_MAX_SLABS + WIDEST_LANES];
-} share;
+/* Rays that pass a splat's centre at a distance d come nearest to it this times d^2 before it. A widened splat stands
+ * for something small: it has its shares where it is. */
+static float bend_of(const tile *t, const fum_splat *s) {
+  const bool is_bent = t->job->view->type == FUM_CAMERA_PERSPECTIVE && !(s->width > s->sigma);
+  return is_bent ? 0.5F / s->range : 0.0F;
+}
 
-static void find_shares(const tile *t, const fum_splat *s, float range, bool moves, share *out) {
-  const int32_t slabs = s->last_slab - s->first_slab + 1;
-  const float *ends = t->ranges + s->first_slab - t->first_slab + 1, inverse_sigma = 1.0F / s->sigma;
-  for (int32_t j = 0; j < slabs; j += FUM_LANES) {
-    const fum_vf z = (fum_vf_load(ends + j) - range) * inverse_sigma, tail = fum_vf_normal_tail(fum_vf_abs(z));
-    fum_vf_store(out->of + j, fum_vf_select(z > 0.0F, 1.0F - tail, tail));
-    if (moves) fum_vf_store(out->change + j, -0.39894228F * inverse_sigma * fum_vf_exp2(z * z * -FUM_HALF_LOG2_E));
+/* How far before the centre the splat's rays are nearest to it, on average; m. */
+static float mean_bend(const fum_splat *s, float bend) {
+  return bend * 2.0F * s->width * s->width;
+}
+
+static bool is_bent(const tile *t, const fum_splat *s, float bend) {
+  return mean_bend(s, bend) > t->job->straight * s->sigma;
+}
+
+/* What decides the shares of a few splats. */
+typedef struct batch {
+  int32_t first[BATCH], last[BATCH]; /* slabs, from the tile's first on */
+  float range[BATCH], inverse_sigma[BATCH];
+  int32_t most; /* the most slabs of one */
+  bool is_bent; /* one of them is */
+} batch;
+
+static batch find_batch(const tile *t, const uint32_t *indices, int32_t count) {
+  batch b = {.most = 0};
+  for (int32_t k = 0; k < BATCH; k++) {
+    const fum_splat *s = &t->job->splats->splats[indices[k < count ? k : 0]];
+    const float bend = bend_of(t, s);
+    const int32_t slabs = s->last_slab - s->first_slab + 1;
+    b.first[k] = s->first_slab - t->first_slab;
+    b.last[k] = s->last_slab - t->first_slab;
+    b.range[k] = s->range - mean_bend(s, bend);
+    b.inverse_sigma[k] = 1.0F / s->sigma;
+    b.most = slabs > b.most ? slabs : b.most;
+    b.is_bent = b.is_bent || is_bent(t, s, bend);
   }
-  out->of[slabs - 1] = 1.0F;
-  out->change[slabs - 1] = 0.0F;
-  for (int32_t j = slabs - 1; j > 0; j--) {
-    out->of[j] -= out->of[j - 1];
-    if (moves) out->change[j] -= out->change[j - 1];
+  return b;
+}
+
+/* Finds what splats leave in each slab that they reach into, if they are far, and how that changes as they move along
+ * the view by one metre. */
+static void find_shares(const tile *t, const batch *b) {
+  for (int32_t k = 0; k < BATCH; k += FUM_LANES) {
+    const fum_vf range = fum_vf_load(b->range + k), inverse_sigma = fum_vf_load(b->inverse_sigma + k);
+    const fum_vi first = fum_vi_load(b->first + k), last = fum_vi_load(b->last + k);
+    fum_vf before = ZERO, change_before = ZERO;
+    for (int32_t j = 0; j < b->most; j++) {
+      float *shares = t->shares + (int64_t)j * SHARES + k;
+      const fum_vi is_last = first + j >= last, slab = (is_last & last) | (~is_last & (first + j));
+      const fum_vf z = (fum_vf_gather(t->ranges, slab + 1) - range) * inverse_sigma;
+      const fum_vf tail = fum_vf_select(is_last, ZERO, fum_vf_normal_tail(fum_vf_abs(z)));
+      const fum_vf of = fum_vf_select(is_last | (z > 0.0F), 1.0F - tail, tail);
+      fum_vf_store(shares, of - before);
+      before = of;
+      if (!b->is_bent) continue;
+      const fum_vf bell = fum_vf_exp2(z * z * -FUM_HALF_LOG2_E) * (-0.39894228F * inverse_sigma);
+      const fum_vf change = fum_vf_select(is_last, ZERO, bell);
+      fum_vf_store(shares + BATCH, change - change_before);
+      change_before = change;
+    }
   }
 }
 
@@ -107,8 +152,15 @@ static float least_exponent(const fum_splat *s) {
 typedef struct footprint {
   float u, v, depth; /* of the centre: place in the window, distance along the axis */
   float optical_depth, falloff, least;
+  const fum_stretch *stretch; /* NULL: it is round */
   bool is_perspective;
 } footprint;
+
+/* NULL: it is round. */
+static const fum_stretch *stretch_of(const tile *t, const fum_splat *s) {
+  const fum_splats *splats = t->job->splats;
+  return splats->stretches != NULL ? &splats->stretches[s - splats->splats] : NULL;
+}
 
 static footprint find_footprint(const tile *t, const fum_splat *s) {
   const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
@@ -119,11 +171,17 @@ static footprint find_footprint(const tile *t, const fum_splat *s) {
                      .optical_depth = s->optical_depth,
                      .falloff = -FUM_HALF_LOG2_E / (s->width * s->width),
                      .least = least_exponent(s),
+                     .stretch = stretch_of(t, s),
                      .is_perspective = is_perspective};
 }
 
+static fum_vf stretch_by(const fum_stretch *s, fum_vf x, fum_vf y) {
+  return x * (s->xx * x + s->xy * y) + s->yy * y * y;
+}
+
 /* Optical depth at the pixels from `pixel` on, and in `out_squared` how far from the centre they pass. */
-static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_vf *out_squared) {
+static inline __attribute__((always_inline)) fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel,
+                                                               fum_vf *out_squared) {
   const fum_vf e1 = (fum_vf_load(t->u + pixel) - f->u) * f->depth, e2 = (fum_vf_load(t->v + pixel) - f->v) * f->depth;
   fum_vf squared = e1 * e1 + e2 * e2;
   if (f->is_perspective) { /* |centre x ray| / |ray|, written without a difference of large numbers */
@@ -131,38 +189,45 @@ static fum_vf find_gauss(const tile *t, const footprint *f, int32_t pixel, fum_v
     squared = (squared + e3 * e3) * (inverse_length * inverse_length);
   }
   *out_squared = squared;
-  return f->optical_depth * fum_vf_exp2_from(f->least, squared * f->falloff);
+  fum_vf exponent = squared * f->falloff;
+  if (f->stretch != NULL) exponent += stretch_by(f->stretch, e1, e2);
+  return f->optical_depth * fum_vf_exp2_from(f->least, exponent);
 }
 
-/* A splat far away against its size and clear of every cut. Rays that pass the centre at a distance d come nearest to
- * it d^2 / (2 range) before it, on average width^2 / range; to first order in what is left, all pixels have the same
- * shares. A widened splat stands for something small: it has its shares where it is. */
-static inline __attribute__((always_inline)) void splat_far(const tile *t, const fum_splat *s, const patch *p,
-                                                            const float *look, splat_map *map, float *slabs) {
-  share shares;
+/* A splat far away against its size and clear of every cut; to first order in what is left when all its pixels' rays
+ * are bent alike, they have the same shares. `shares`: the first of its own. */
+static inline __attribute__((always_inline)) void splat_far(const tile *t, const fum_splat *s, const float *shares,
+                                                            const patch *p, const float *look, splat_map *map,
+                                                            float *slabs) {
   const footprint f = find_footprint(t, s);
-  const float bend = f.is_perspective && !(s->width > s->sigma) ? 0.5F / s->range : 0.0F;
-  const float mean_squared = 2.0F * s->width * s->width;
+  const float bend = bend_of(t, s), mean = mean_bend(s, bend);
   const int32_t count = s->last_slab - s->first_slab + 1;
   const int64_t stride = slab_stride(t);
   float *first = slabs + (s->first_slab - t->first_slab) * stride;
-  const bool moves = bend * mean_squared > t->job->straight * s->sigma, is_uniform = t->channels == 1;
-  find_shares(t, s, s->range - bend * mean_squared, moves, &shares);
-  for (int32_t n = 0; n < p->count; n++) {
+  const bool moves = is_bent(t, s, bend), is_uniform = t->channels == 1;
+  float gauss[FUM_TILE_PIXELS], moved[FUM_TILE_PIXELS];
+  for (int32_t n = 0; n < p->count; n++) { /* by themselves: one needn't wait for the other's deposits */
     for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
       fum_vf squared;
-      const fum_vf gauss = find_gauss(t, &f, p->blocks[n] + k, &squared);
-      const fum_vf moved = gauss * (bend * (mean_squared - squared));
+      const fum_vf depth = find_gauss(t, &f, p->blocks[n] + k, &squared);
+      fum_vf_store(gauss + n * FUM_BLOCK_PIXELS + k, depth);
+      fum_vf_store(moved + n * FUM_BLOCK_PIXELS + k, depth * (mean - bend * squared));
+    }
+  }
+  for (int32_t n = 0; n < p->count; n++) {
+    for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
+      const fum_vf depth = fum_vf_load(gauss + n * FUM_BLOCK_PIXELS + k);
+      const fum_vf change = fum_vf_load(moved + n * FUM_BLOCK_PIXELS + k);
+      const float *of = shares;
       float *at = first + p->blocks[n] + k;
       if (map != NULL) read_map(t, p->blocks[n] + k, map);
       if (map == NULL && is_uniform && !moves) {
-        for (int32_t j = 0; j < count; j++, at += stride)
-          fum_vf_store(at, fum_vf_load(at) + gauss * shares.of[j]);
+        for (int32_t j = 0; j < count; j++, at += stride, of += SHARES)
+          fum_vf_store(at, fum_vf_load(at) + depth * *of);
         continue;
       }
-      for (int32_t j = 0; j < count; j++, at += stride) {
-        const fum_vf part =
-            moves ? fum_vf_at_least(gauss * shares.of[j] + moved * shares.change[j], 0.0F) : gauss * shares.of[j];
+      for (int32_t j = 0; j < count; j++, at += stride, of += SHARES) {
+        const fum_vf part = moves ? fum_vf_at_least(depth * of[0] + change * of[BATCH], 0.0F) : depth * of[0];
         if (map != NULL) {
           deposit_mapped(t, at, part, look, map);
         } else if (is_uniform) {
@@ -182,6 +247,8 @@ static inline __attribute__((always_inline)) void splat_near(const tile *t, cons
   const float *c = s->center, inverse_sigma = 1.0F / s->sigma;
   const float falloff = -FUM_HALF_LOG2_E / (s->width * s->width);
   const float least = least_exponent(s);
+  const float depth = is_perspective ? -c[2] : 1.0F;
+  const fum_stretch *stretch = stretch_of(t, s);
   const int32_t first = s->first_slab - t->first_slab, last = s->last_slab - t->first_slab;
   for (int32_t n = 0; n < p->count; n++) {
     for (int32_t k = 0; k < FUM_BLOCK_PIXELS; k += FUM_LANES) {
@@ -194,12 +261,14 @@ static inline __attribute__((always_inline)) void splat_near(const tile *t, cons
         squared = (a * a + b * b + d * d) * (inverse_length * inverse_length);
         nearest = (c[0] * u + c[1] * v - c[2]) * inverse_length;
       }
-      const fum_vf gauss = s->optical_depth * fum_vf_exp2_from(least, squared * falloff);
-      const fum_vf near = fum_vf_load(t->near + pixel), far = vf_max(near, fum_vf_load(t->far + pixel));
+      fum_vf exponent = squared * falloff;
+      if (stretch != NULL) exponent += stretch_by(stretch, u * depth - c[0], v * depth - c[1]);
+      const fum_vf gauss = s->optical_depth * fum_vf_exp2_from(least, exponent);
+      const fum_vf near = fum_vf_load(t->near + pixel), far = fum_vf_max(near, fum_vf_load(t->far + pixel));
       fum_vf begin = near;
       if (map != NULL) read_map(t, pixel, map);
       for (int32_t j = first; j <= last; j++) {
-        const fum_vf end = j == last ? far : vf_max(begin, vf_min(fum_vf_set(t->ranges[j + 1]), far));
+        const fum_vf end = j == last ? far : fum_vf_max(begin, fum_vf_min(fum_vf_set(t->ranges[j + 1]), far));
         const fum_vf part = fum_vf_normal_interval((begin - nearest) * inverse_sigma, (end - nearest) * inverse_sigma);
         float *at = slabs + j * slab_stride(t) + pixel;
         if (map != NULL) {
@@ -213,55 +282,67 @@ static inline __attribute__((always_inline)) void splat_near(const tile *t, cons
   }
 }
 
-/* The same loops without maps and with them, each compiled for itself: maps cost nothing where there are none. */
-static void splat_plain(const tile *t, const fum_splat *s, const patch *p, const float *look, bool is_far,
+/* The same loops without maps and with them, each compiled for itself: maps cost nothing where there are none.
+ * `shares`: NULL if it isn't far. */
+static void splat_plain(const tile *t, const fum_splat *s, const float *shares, const patch *p, const float *look,
                         float *slabs) {
-  if (is_far) {
-    splat_far(t, s, p, look, NULL, slabs);
+  if (shares != NULL) {
+    splat_far(t, s, shares, p, look, NULL, slabs);
   } else {
     splat_near(t, s, p, look, NULL, slabs);
   }
 }
 
-static void splat_mapped(const tile *t, const fum_splat *s, const patch *p, const float *look, bool is_far,
+static void splat_mapped(const tile *t, const fum_splat *s, const float *shares, const patch *p, const float *look,
                          splat_map *map, float *slabs) {
-  if (is_far) {
-    splat_far(t, s, p, look, map, slabs);
+  if (shares != NULL) {
+    splat_far(t, s, shares, p, look, map, slabs);
   } else {
     splat_near(t, s, p, look, map, slabs);
   }
 }
 
-/* Splats are fetched from memory so many before they are needed. */
-enum { AHEAD = 8 };
-
 /* `box`: the blocks that its box touches. In tile_smear_loop.h. */
 static void add_smeared(const tile *t, uint32_t index, const patch *box, const float *look, float *slabs);
 
-static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
-  const float far_away =
-      30.0F; /* widths: the range shifts by less than 0.2 of a sigma where the Gaussian still matters */
-  const bool is_perspective = t->job->view->type == FUM_CAMERA_PERSPECTIVE;
+/* Far away against its size and clear of every cut: the range shifts by less than 0.2 of a sigma where the Gaussian
+ * still matters. */
+static bool is_far(const tile *t, const fum_splat *s) {
+  const float far_away = 30.0F, reach = 1.125F * s->reach; /* widths */
+  if (!(s->range - reach > t->farthest_near && s->range + reach < t->nearest_far)) return false;
+  return t->job->view->type != FUM_CAMERA_PERSPECTIVE ||
+         (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);
+}
+
+static void add_splat(const tile *t, uint32_t index, const float *shares, float *slabs) {
+  const fum_splat *s = &t->job->splats->splats[index];
   const fum_streak *streaks = t->job->splats->streaks;
   float look[MAX_LOOK];
   splat_map map;
   patch p;
-  for (int64_t n = 0; n < count; n++) {
-    const fum_splat *s = &t->job->splats->splats[indices[n]];
-    if (n + AHEAD < count) __builtin_prefetch(&t->job->splats->splats[indices[n + AHEAD]]);
-    find_look(t->job, indices[n], s->self_shade, look);
-    find_patch(t, s, &p);
-    if (streaks != NULL && streaks[indices[n]].kind != FUM_STREAK_NONE) {
-      add_smeared(t, indices[n], &p, look, slabs);
-      continue;
-    }
-    const float reach = 1.125F * s->reach;
-    const bool is_clear = s->range - reach > t->farthest_near && s->range + reach < t->nearest_far;
-    const bool is_far = !is_perspective || (-s->center[2] > far_away * s->width && s->range > far_away * s->sigma);
-    if (find_map(t->job, indices[n], &map)) {
-      splat_mapped(t, s, &p, look, is_clear && is_far, &map, slabs);
-    } else {
-      splat_plain(t, s, &p, look, is_clear && is_far, slabs);
+  find_look(t->job, index, s->self_shade, look);
+  find_patch(t, s, &p);
+  if (streaks != NULL && streaks[index].kind != FUM_STREAK_NONE) {
+    add_smeared(t, index, &p, look, slabs);
+    return;
+  }
+  if (!is_far(t, s)) shares = NULL;
+  if (find_map(t->job, index, &map)) {
+    splat_mapped(t, s, shares, &p, look, &map, slabs);
+  } else {
+    splat_plain(t, s, shares, &p, look, slabs);
+  }
+}
+
+static void add_splats(const tile *t, const uint32_t *indices, int64_t count, float *slabs) {
+  for (int64_t begin = 0; begin < count; begin += BATCH) {
+    const int32_t few = (int32_t)(count - begin < BATCH ? count - begin : BATCH);
+    const batch b = find_batch(t, indices + begin, few);
+    find_shares(t, &b);
+    for (int32_t k = 0; k < few; k++) {
+      const int64_t ahead = begin + k + BATCH;
+      if (ahead < count) __builtin_prefetch(&t->job->splats->splats[indices[ahead]]);
+      add_splat(t, indices[begin + k], t->shares + k, slabs);
     }
   }
 }

@@ -92,6 +92,7 @@ static double find_self_shade(const fum_tile_job *job, int64_t i) {
 void fum_tiles_shade_dust(fum_context *context, fum_tile_job *job, fum_splats *splats) {
   const float dense = 0.04F; /* below, it shades itself by less than a hundredth */
   int64_t count = 0;
+  if (!splats->has_dust) return;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : count)
   for (int64_t i = 0; i < splats->count; i++) {
     fum_splat *s = &splats->splats[i];

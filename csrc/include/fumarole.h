@@ -158,7 +158,8 @@ FUM_API int32_t fum_abi_fields(const fum_abi_field **out_fields);
 /* ---- Context ---------------------------------------------------------------------------------------------------- */
 
 /**
- * Called on the thread that called the library, at least ten times a second during long work.
+ * Called on the thread that called the library: for each new stage or message, and at least ten times a second during
+ * long work.
  * `fraction` is 0..1 within the stage; `message` is valid during the call. Return nonzero to cancel.
  */
 typedef int32_t (*fum_progress_fn)(void *user, int32_t stage, float fraction, const char *message);

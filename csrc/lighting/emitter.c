@@ -176,9 +176,8 @@ float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, f
   if (d->type == FUM_LIGHT_SUN) return share / sun_mean_cosine(lamp);
   const fum_vec3 from_light = fum_sub(point, emitter->position);
   const float distance_squared = fum_dot(from_light, from_light);
-  const fum_vec3 direction = normalized(from_light);
   if (d->type == FUM_LIGHT_AREA) {
-    const float cosine = -fum_dot(direction, lamp->back);
+    const float cosine = -fum_dot(normalized(from_light), lamp->back);
     if (!(cosine > 0.0F)) return 0.0F;
     const float shape = d->area_shape == FUM_AREA_ELLIPSE ? (float)(FUM_PI / 4.0) : 1.0F;
     const float patch = shape * d->area_size[0] * d->area_size[1] * share;
@@ -193,5 +192,5 @@ float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, f
   } else {
     factor = share / fmaxf(distance_squared, 1e-30F);
   }
-  return d->type == FUM_LIGHT_SPOT ? factor * spot_factor(lamp, direction) : factor;
+  return d->type == FUM_LIGHT_SPOT ? factor * spot_factor(lamp, normalized(from_light)) : factor;
 }

@@ -37,6 +37,7 @@ static fum_vec3 ray_start(const fum_gathering *g, int64_t i, fum_vec3 point) {
 static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter,
                            float *out_strengths, uint8_t *out_is_lit) {
   const fum_octree *octree = g->receivers->octree;
+  const bool meets_solids = g->solids != NULL && lamp->desc.casts_shadows != 0;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
@@ -46,7 +47,7 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
       strength =
           fum_emitter_irradiance(lamp, emitter, w.point) * g->response(g->response_user, (uint32_t)i, w.direction);
     }
-    if (strength > 0.0F && lamp->desc.casts_shadows != 0 &&
+    if (strength > 0.0F && meets_solids &&
         fum_solids_occlude(g->solids, lamp->desc.shadow_sets, ray_start(g, i, w.point), w.direction, w.length)) {
       strength *= 1.0F - g->solid_shadow_intensity;
     }

@@ -46,7 +46,7 @@ static fum_emitter camera_of(const fum_view *view) {
 static int32_t solve(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_octree *points,
                      float limit, float *out_depths) {
   const float rough = 0.01F; /* nobody sees these depths: they are compared with the limit */
-  fum_solver solver = {.wanted = FUM_SOLVER_AUTOMATIC, .tolerance = rough};
+  fum_solver solver = {.wanted = FUM_SOLVER_AUTOMATIC, .tolerance = rough, .is_careful = true};
   fum_medium medium = {.octree = octree, .sigma_scale = 1.0F, .depth_scale = 1.0F, .depth_limit = limit + 1.0F};
   fum_receivers receivers = {0};
   float *depths = NULL;
@@ -75,7 +75,7 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
                         const fum_lattice_face *faces, float tolerance, fum_hidden *out_hidden) {
   /* What is left of the light behind this depth is a fiftieth of the tolerance. */
   fum_hidden hidden = {.face_count = slabs->count + 1, .faces = faces, .limit = -logf(0.02F * tolerance)};
-  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F};
+  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 4.0F, .most_left = 0.5F};
   float *positions = NULL;
   fum_octree *points = NULL, *casters = NULL;
   *out_hidden = hidden;
@@ -108,14 +108,24 @@ void fum_hidden_free(fum_context *context, fum_hidden *hidden) {
   fum_free(context, &hidden->depths);
 }
 
-bool fum_hidden_ask(const fum_hidden *hidden, int32_t face, float u, float v) {
-  /* One coarse face further to the front, so that what interpolation takes from a hidden sample is hidden as well. */
+/* The face that a face's samples are judged by: one coarse face further to the front, so that what interpolation takes
+ * from a hidden sample is hidden as well. Negative: there is none. */
+static int32_t judging_face(const fum_hidden *hidden, int32_t face) {
   const int32_t before = face / FUM_HIDDEN_STEP * FUM_HIDDEN_STEP - FUM_HIDDEN_STEP;
-  if (hidden->depths == NULL || before < 0 || hidden->faces[before].columns == 0) return false;
+  return hidden->depths == NULL || before < 0 || hidden->faces[before].columns == 0 ? -1 : before;
+}
+
+/* The first of four coarse samples around a place along an axis of the window. */
+static int32_t first_around(const fum_lattice_face *grid, int axis, float place) {
+  return (int32_t)floorf((place - grid->origin[axis]) / (grid->spacing[axis] * FUM_HIDDEN_STEP)) - 1;
+}
+
+bool fum_hidden_ask(const fum_hidden *hidden, int32_t face, float u, float v) {
+  const int32_t before = judging_face(hidden, face);
+  if (before < 0) return false;
   const fum_lattice_face *grid = &hidden->faces[before];
   const int32_t columns = coarse(grid->columns), rows = coarse(grid->rows);
-  const int32_t c0 = (int32_t)floorf((u - grid->origin[0]) / (grid->spacing[0] * FUM_HIDDEN_STEP)) - 1;
-  const int32_t r0 = (int32_t)floorf((v - grid->origin[1]) / (grid->spacing[1] * FUM_HIDDEN_STEP)) - 1;
+  const int32_t c0 = first_around(grid, 0, u), r0 = first_around(grid, 1, v);
   for (int32_t r = r0; r < r0 + 4; r++) {
     for (int32_t c = c0; c < c0 + 4; c++) {
       if (r < 0 || c < 0 || r >= rows || c >= columns) return false;
@@ -123,6 +133,25 @@ bool fum_hidden_ask(const fum_hidden *hidden, int32_t face, float u, float v) {
     }
   }
   return true;
+}
+
+bool fum_hidden_touches(const fum_hidden *hidden, int32_t face, const float lower[2], const float upper[2]) {
+  const int32_t before = judging_face(hidden, face);
+  if (before < 0) return false;
+  const fum_lattice_face *grid = &hidden->faces[before];
+  const int32_t counts[2] = {coarse(grid->columns), coarse(grid->rows)};
+  int32_t first[2], end[2];
+  for (int axis = 0; axis < 2; axis++) {
+    const int32_t low = first_around(grid, axis, lower[axis]), high = first_around(grid, axis, upper[axis]) + 4;
+    first[axis] = low > 0 ? low : 0;
+    end[axis] = high < counts[axis] ? high : counts[axis];
+  }
+  for (int32_t r = first[1]; r < end[1]; r++) {
+    for (int32_t c = first[0]; c < end[0]; c++) {
+      if (hidden->depths[hidden->firsts[before] + (int64_t)r * counts[0] + c] >= hidden->limit) return true;
+    }
+  }
+  return false;
 }
 
 /* The value of the coarse sample nearest to (u, v) on a coarse face that has any. */

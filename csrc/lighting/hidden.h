@@ -12,6 +12,7 @@ typedef struct fum_lattice_face {
   float spacing[2];      /* in window coordinates: across, up */
   int32_t columns, rows; /* 0, 0: no samples here */
   int64_t first;         /* index of sample 0, 0 */
+  bool is_on_pixels;     /* closer ones wouldn't be seen */
 } fum_lattice_face;
 
 /* Optical depth towards the camera at every FUM_HIDDEN_STEP-th sample of every FUM_HIDDEN_STEP-th face. It grows along
@@ -34,6 +35,9 @@ void fum_hidden_free(fum_context *context, fum_hidden *hidden);
 
 /* Is the sample at (u, v) of a face hidden, and all around it? */
 bool fum_hidden_ask(const fum_hidden *hidden, int32_t face, float u, float v);
+
+/* Could any sample in a rectangle of the window be? */
+bool fum_hidden_touches(const fum_hidden *hidden, int32_t face, const float lower[2], const float upper[2]);
 
 /* Optical depth towards the camera about a place of the window and a range, roughly: the nearest samples' on the faces
  * before and behind. Only where hidden->depths aren't NULL. */

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/lattice.h"
 
-#include "lighting/lattice_marks.h"
+#include "lighting/lattice_groups.h"
+#include "lighting/lattice_spline.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,7 @@ static int32_t lay_axis(const fum_view *view, const fum_face *face, int axis, do
   const double pixel =
       (view->window[2 * axis + 1] - view->window[2 * axis]) / (double)(axis == 0 ? view->width : view->height);
   const bool on_pixels = wanted < pixel;
+  grid->is_on_pixels = grid->is_on_pixels || on_pixels;
   const double spacing = on_pixels ? pixel : wanted, phase = on_pixels ? view->window[2 * axis] + 0.5 * pixel : 0.0;
   const double first = floor(((double)face->lower[axis] - phase) / spacing) - MARGIN;
   const double last = ceil(((double)face->upper[axis] - phase) / spacing) + MARGIN;
@@ -64,7 +66,7 @@ int32_t fum_lattice_place(fum_context *context, const fum_octree *octree, const 
   if (status == FUM_OK)
     status = fum_hidden_find(context, octree, view, slabs, lattice.faces, tolerance, &lattice.hidden);
   if (status == FUM_OK) fum_marks_unset_hidden(context, &lattice, &marks);
-  if (status == FUM_OK) status = fum_marks_collect(context, &marks, &lattice);
+  if (status == FUM_OK) status = fum_lattice_group(context, &marks, &lattice);
   if (status == FUM_OK) {
     *out_lattice = lattice;
     lattice = (fum_lattice){0};
@@ -88,21 +90,47 @@ static int32_t face_of(const fum_lattice *lattice, uint32_t sample) {
   return low;
 }
 
-/* Where the samples are, [3 lit_count]. */
-static void place_samples(fum_context *context, const fum_view *view, const fum_slabs *slabs,
-                          const fum_lattice *lattice, float *positions) {
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t n = 0; n < lattice->lit_count; n++) {
-    const int32_t f = face_of(lattice, lattice->samples[n]);
+/* Where the samples of a group are. */
+static void place_group(const fum_view *view, const fum_slabs *slabs, const fum_lattice *lattice, int64_t group,
+                        fum_octree *points) {
+  const uint32_t begin = lattice->group_begins[group], end = lattice->group_begins[group + 1];
+  int32_t f = face_of(lattice, lattice->samples[begin]);
+  for (uint32_t n = begin; n < end; n++) {
+    const uint32_t sample = lattice->samples[n];
+    while (f + 1 < lattice->face_count && lattice->faces[f + 1].first <= sample)
+      f++;
     const fum_lattice_face *grid = &lattice->faces[f];
-    const uint32_t i = lattice->samples[n] - (uint32_t)grid->first, columns = (uint32_t)grid->columns;
+    const uint32_t i = sample - (uint32_t)grid->first, columns = (uint32_t)grid->columns;
     const float u = grid->origin[0] + grid->spacing[0] * (float)(i % columns);
     const float v = grid->origin[1] + grid->spacing[1] * (float)(i / columns);
     double local[3];
     fum_view_point(view, (double)u, (double)v, (double)slabs->faces[f].range, local);
-    for (int axis = 0; axis < 3; axis++)
-      positions[3 * n + axis] = (float)local[axis];
+    points->indices[n] = n;
+    points->x[n] = (float)local[0];
+    points->y[n] = (float)local[1];
+    points->z[n] = (float)local[2];
   }
+  points->nodes[group] = (fum_octree_node){.begin = begin, .count = end - begin};
+}
+
+/* The samples as an octree of points that has leaves alone: the groups. */
+static int32_t place_samples(fum_context *context, const double origin[3], const fum_view *view, const fum_slabs *slabs,
+                             const fum_lattice *lattice, fum_octree **out_points) {
+  fum_octree *points = NULL;
+  int32_t status = fum_octree_create(context, origin, lattice->lit_count, false, &points);
+  if (status == FUM_OK)
+    status = fum_alloc(context, lattice->group_count, sizeof *points->nodes, "lattice of light", &points->nodes);
+  if (status != FUM_OK) {
+    fum_octree_destroy(context, points);
+    return status;
+  }
+  points->node_count = lattice->group_count;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
+  for (int64_t group = 0; group < lattice->group_count; group++)
+    place_group(view, slabs, lattice, group, points);
+  fum_octree_bound(context, points);
+  *out_points = points;
+  return FUM_OK;
 }
 
 /* Keeps what was found of a lamp at the points. */
@@ -207,15 +235,9 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
   fum_gathering g = *gathering;
   fum_receivers receivers = {0};
   fum_octree *points = NULL;
-  float *positions = NULL;
   lattice->lamp_count = lamps->count;
   int32_t status = allocate_values(&g, lattice);
-  if (status == FUM_OK)
-    status = fum_alloc(context, lattice->lit_count, 3 * sizeof *positions, "lattice of light", &positions);
-  if (status != FUM_OK) goto done;
-  place_samples(context, view, slabs, lattice, positions);
-  status = fum_octree_build_points(context, origin, lattice->lit_count, positions, FUM_GROUP_SIZE, &points);
-  fum_free(context, &positions);
+  if (status == FUM_OK) status = place_samples(context, origin, view, slabs, lattice, &points);
   if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
   g.receivers = &receivers;
   if (status == FUM_OK) status = light_points(&g, points, lamps, lattice);
@@ -224,10 +246,9 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
     if (lamp->environment != NULL && lamp->lights_smoke && lattice->visible != NULL && g.viewpoint != NULL)
       carry_into_solids(&g, view, slabs, lamp, lattice);
   }
-done:
+  if (status == FUM_OK) status = fum_lattice_fit(context, lattice);
   fum_receivers_free(context, &receivers);
   fum_octree_destroy(context, points);
-  fum_free(context, &positions);
   return status;
 }
 
@@ -238,6 +259,7 @@ void fum_lattice_forget(fum_context *context, fum_lattice *lattice) {
 
 void fum_lattice_settle(fum_context *context, fum_lattice *lattice) {
   fum_hidden_free(context, &lattice->hidden);
+  fum_free(context, &lattice->group_begins);
   fum_free(context, &lattice->samples);
 }
 

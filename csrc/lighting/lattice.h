@@ -16,11 +16,13 @@ typedef struct fum_lattice {
   fum_lattice_face *faces; /* [face_count] */
   int64_t sample_count;    /* over all faces, lit or not */
   int64_t lit_count;
-  uint32_t *samples; /* [lit_count] those that are lit */
-  float *depths; /* NULL before they are lit. [lamp_count][sample_count] optical depth to the light, or that per metre;
-                    NaN where it isn't lit */
+  uint32_t *samples; /* [lit_count] those that are lit, group by group */
+  int64_t group_count;
+  uint32_t *group_begins; /* [group_count + 1] in samples: neighbours, FUM_GROUP_SIZE at most */
+  float *depths; /* NULL before they are lit. [lamp_count][sample_count] optical depth to the light, or that per metre,
+                    as coefficients of splines (lattice_spline.h); NaN where it isn't lit */
   fum_hidden hidden;
-  float *visible; /* the same: share of the light that solids let through; NULL without solids */
+  float *visible; /* the same at the samples: share of the light that solids let through; NULL without solids */
 } fum_lattice;
 
 /* Optical depth has a tip at a small light amid smoke, where it is nothing. Divided by the distance to the light it

@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/lattice_marks.h"
 
-static int64_t blocks_across(const fum_lattice_face *grid) {
-  return (grid->columns + 7) / 8;
-}
-
 int32_t fum_marks_begin(fum_context *context, const fum_lattice *lattice, fum_marks *m) {
   const char *what = "lattice of light";
   int32_t status = fum_alloc(context, lattice->face_count + 1, sizeof *m->firsts, what, &m->firsts);
   if (status != FUM_OK) return status;
   for (int32_t f = 0; f < lattice->face_count; f++) {
     const fum_lattice_face *grid = &lattice->faces[f];
-    m->firsts[f + 1] = m->firsts[f] + blocks_across(grid) * ((grid->rows + 7) / 8);
+    m->firsts[f + 1] = m->firsts[f] + fum_blocks_across(grid) * ((grid->rows + 7) / 8);
   }
   return fum_alloc(context, m->firsts[lattice->face_count], sizeof *m->words, what, &m->words);
 }
@@ -48,13 +44,15 @@ static void mark_face(const fum_lattice_face *grid, int64_t first_word, const fl
                       fum_marks *m) {
   if (grid->columns == 0) return;
   const float per_column = 1.0F / grid->spacing[0], per_row = 1.0F / grid->spacing[1];
-  const int32_t c0 = clamp((lower[0] - grid->origin[0]) * per_column - 1.5F, grid->columns - 1);
-  const int32_t c1 = clamp((upper[0] - grid->origin[0]) * per_column + 2.5F, grid->columns - 1);
-  const int32_t r0 = clamp((lower[1] - grid->origin[1]) * per_row - 1.5F, grid->rows - 1);
-  const int32_t r1 = clamp((upper[1] - grid->origin[1]) * per_row + 2.5F, grid->rows - 1);
+  /* Around a place, a little more for rounding; on pixels for particles that are drawn wider than they are. */
+  const float before = grid->is_on_pixels ? 1.5F : 1.05F, behind = 1.0F + before;
+  const int32_t c0 = clamp((lower[0] - grid->origin[0]) * per_column - before, grid->columns - 1);
+  const int32_t c1 = clamp((upper[0] - grid->origin[0]) * per_column + behind, grid->columns - 1);
+  const int32_t r0 = clamp((lower[1] - grid->origin[1]) * per_row - before, grid->rows - 1);
+  const int32_t r1 = clamp((upper[1] - grid->origin[1]) * per_row + behind, grid->rows - 1);
   for (int32_t row = r0 & ~7; row <= r1; row += 8) {
     const uint64_t rows = spread_rows(bits_within(row, r0, r1));
-    const int64_t word = first_word + row / 8 * blocks_across(grid);
+    const int64_t word = first_word + row / 8 * fum_blocks_across(grid);
     for (int32_t column = c0 & ~7; column <= c1; column += 8)
       mark_word(m, word + column / 8, rows * bits_within(column, c0, c1));
   }
@@ -99,14 +97,16 @@ static bool find_bunch(const fum_mark_task *task, int64_t i, bunch *out) {
  * least in proportion to its radius. */
 static void mark_part(const fum_mark_task *task, const bunch *b, float share, int32_t face, fum_marks *m) {
   const double *window = task->view->window;
+  const fum_lattice_face *grid = &task->lattice->faces[face];
   float lower[2], upper[2];
   for (int axis = 0; axis < 2; axis++) {
-    const float first = (float)window[2 * axis], last = (float)window[2 * axis + 1], half = b->half[axis] * share;
+    /* One sample more at the frame's sides, where smoke goes on: splines know less at their ends. */
+    const float more = grid->spacing[axis], half = b->half[axis] * share;
+    const float first = (float)window[2 * axis] - more, last = (float)window[2 * axis + 1] + more;
     lower[axis] = b->is_close ? first : fum_max(first, b->lower[axis] - half);
     upper[axis] = b->is_close ? last : fum_min(last, b->upper[axis] + half);
   }
-  if (lower[0] < upper[0] && lower[1] < upper[1])
-    mark_face(&task->lattice->faces[face], m->firsts[face], lower, upper, m);
+  if (lower[0] < upper[0] && lower[1] < upper[1]) mark_face(grid, m->firsts[face], lower, upper, m);
 }
 
 static void mark_bunch(const fum_mark_task *task, const bunch *b, fum_marks *m) {
@@ -129,11 +129,12 @@ enum { BUNCH = 8 };
 /* What neighbours have in common, in camera space. */
 typedef struct group {
   double lower[3], upper[3]; /* of their centres */
-  double near, far, reach;   /* ranges of the centres; the largest reach */
+  double near, far;          /* ranges of the centres */
+  double reach, least_reach; /* the largest and the smallest */
 } group;
 
 static const group NOTHING = {
-    {INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0};
+    {INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, -INFINITY, 0.0, INFINITY};
 
 static bool holds_nothing(const group *g) {
   return g->near > g->far;
@@ -159,15 +160,18 @@ static group find_group(const fum_mark_task *task, int64_t begin, int64_t end) {
     const double local[3] = {(double)octree->x[i], (double)octree->y[i], (double)octree->z[i]};
     if (!(octree->optical_depths[i] > 0.0F)) continue;
     take_in(task->view, local, &g);
-    g.reach = fum_most(g.reach, fum_footprint((double)task->footprint_sigmas, (double)octree->optical_depths[i]) /
-                                    (double)octree->inverse_sigmas[i]);
+    const double reach = fum_footprint((double)task->footprint_sigmas, (double)octree->optical_depths[i]) /
+                         (double)octree->inverse_sigmas[i];
+    g.reach = fum_most(g.reach, reach);
+    g.least_reach = fum_least(g.least_reach, reach);
   }
   return g;
 }
 
-/* The group as a whole; false if that is much larger than one of it, or near the camera. */
-static bool find_whole(const fum_mark_task *task, const group *g, bunch *out) {
-  const double widest = 1.25;
+/* The group of `count` as a whole; false if there is room between them, or they are near the camera. Around wholes of
+ * many 2 % more samples are marked than around each particle. */
+static bool find_whole(const fum_mark_task *task, const group *g, int64_t count, bunch *out) {
+  const double widest = (count <= BUNCH ? 1.25 : 0.45 * cbrt((double)count)) * g->least_reach;
   const bool is_perspective = task->view->type == FUM_CAMERA_PERSPECTIVE;
   const double near = -g->upper[2], far = -g->lower[2];
   if (near - g->reach < task->view->clip_start || near < 1.01 * g->reach) return false;
@@ -175,7 +179,7 @@ static bool find_whole(const fum_mark_task *task, const group *g, bunch *out) {
   const double per_front = is_perspective ? 1.0 / (near - g->reach) : 1.0;
   for (int axis = 0; axis < 2; axis++) {
     const double low = g->lower[axis], high = g->upper[axis], side = fum_most(-low, high);
-    if (high - low > widest * g->reach) return false;
+    if (high - low > widest) return false;
     out->lower[axis] = (float)(low * (low < 0.0 ? per_near : per_far));
     out->upper[axis] = (float)(high * (high > 0.0 ? per_near : per_far));
     out->half[axis] = (float)((side + g->reach) * per_front - side * per_near);
@@ -184,14 +188,14 @@ static bool find_whole(const fum_mark_task *task, const group *g, bunch *out) {
   out->far = (float)g->far;
   out->reach = (float)g->reach;
   out->is_close = false;
-  return g->far - g->near <= widest * g->reach;
+  return g->far - g->near <= widest;
 }
 
 static void mark_neighbours(const fum_mark_task *task, int64_t begin, int64_t end, fum_marks *m) {
   bunch b;
   const group g = find_group(task, begin, end);
   if (holds_nothing(&g)) return;
-  if (find_whole(task, &g, &b)) {
+  if (find_whole(task, &g, end - begin, &b)) {
     mark_bunch(task, &b, m);
     return;
   }
@@ -200,111 +204,98 @@ static void mark_neighbours(const fum_mark_task *task, int64_t begin, int64_t en
   }
 }
 
-/* A leaf's box of centres as a group, without a look at each of them; nothing where none of them absorbs. */
-static group find_leaf_group(const fum_mark_task *task, const fum_octree_node *leaf) {
+/* A node's box of centres as a group, without a look at each of them; nothing where none of them absorbs. */
+static group find_node_group(const fum_mark_task *task, const fum_octree_node *node) {
   const fum_octree *octree = task->octree;
   group g = NOTHING;
-  float densest = 0.0F, least_inverse = INFINITY;
-  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
+  float densest = 0.0F, thinnest = INFINITY, least_inverse = INFINITY, most_inverse = 0.0F;
+  for (uint32_t i = node->begin; i < node->begin + node->count; i++) {
     densest = fum_max(densest, octree->optical_depths[i]);
+    thinnest = fum_min(thinnest, octree->optical_depths[i]);
     least_inverse = fum_min(least_inverse, octree->inverse_sigmas[i]);
+    most_inverse = fum_max(most_inverse, octree->inverse_sigmas[i]);
   }
   if (!(densest > 0.0F)) return g;
   g.reach = fum_footprint((double)task->footprint_sigmas, (double)densest) / (double)least_inverse;
+  g.least_reach = fum_footprint((double)task->footprint_sigmas, (double)thinnest) / (double)most_inverse;
   for (int corner = 0; corner < 8; corner++) {
-    const double local[3] = {(double)(corner & 1 ? leaf->upper : leaf->lower)[0],
-                             (double)(corner & 2 ? leaf->upper : leaf->lower)[1],
-                             (double)(corner & 4 ? leaf->upper : leaf->lower)[2]};
+    const double local[3] = {(double)(corner & 1 ? node->upper : node->lower)[0],
+                             (double)(corner & 2 ? node->upper : node->lower)[1],
+                             (double)(corner & 4 ? node->upper : node->lower)[2]};
     take_in(task->view, local, &g);
   }
   /* Between corners it may come nearer. */
   double squared = 0.0;
   for (int axis = 0; axis < 3; axis++)
-    squared += 0.25 * pow((double)leaf->upper[axis] - (double)leaf->lower[axis], 2.0);
+    squared += 0.25 * pow((double)node->upper[axis] - (double)node->lower[axis], 2.0);
   if (task->view->type == FUM_CAMERA_PERSPECTIVE) g.near = sqrt(fum_most(g.near * g.near - squared, 0.0));
   return g;
 }
 
-static void mark_leaf(const fum_mark_task *task, const fum_octree_node *leaf, fum_marks *m) {
-  const uint32_t end = leaf->begin + leaf->count;
-  const group g = find_leaf_group(task, leaf);
+static void mark_node(const fum_mark_task *task, const fum_octree_node *node, fum_marks *m) {
+  const fum_octree *octree = task->octree;
+  const uint32_t end = node->begin + node->count;
+  const group g = find_node_group(task, node);
   bunch b;
   if (holds_nothing(&g)) return;
-  if (find_whole(task, &g, &b)) {
+  if (find_whole(task, &g, node->count, &b)) {
     mark_bunch(task, &b, m);
-    return;
+  } else if (node->children != 0) {
+    for (int c = 0; c < __builtin_popcount(node->octants); c++)
+      mark_node(task, &octree->nodes[node->children + (uint32_t)c], m);
+  } else {
+    for (uint32_t begin = node->begin; begin < end; begin += BUNCH)
+      mark_neighbours(task, begin, begin + BUNCH < end ? begin + BUNCH : end, m);
   }
-  for (uint32_t begin = leaf->begin; begin < end; begin += BUNCH)
-    mark_neighbours(task, begin, begin + BUNCH < end ? begin + BUNCH : end, m);
+}
+
+/* Particles that are looked at together. */
+enum { MOST_IN_NODE = 512 };
+
+static bool is_small(const fum_octree_node *node) {
+  return node->count <= MOST_IN_NODE || node->children == 0;
 }
 
 int32_t fum_marks_set(fum_context *context, const fum_mark_task *task, fum_marks *m) {
   const fum_octree *octree = task->octree;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256)
+  if (octree->node_count > 0 && is_small(&octree->nodes[0])) mark_node(task, &octree->nodes[0], m);
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 64)
   for (int64_t i = 0; i < octree->node_count; i++) {
-    if (fum_progress_in_loop(context, i, 1 << 9) || octree->nodes[i].children != 0) continue;
-    mark_leaf(task, &octree->nodes[i], m);
+    if (fum_progress_in_loop(context, i, 1 << 9) || is_small(&octree->nodes[i])) continue;
+    for (int c = 0; c < __builtin_popcount(octree->nodes[i].octants); c++) {
+      const fum_octree_node *child = &octree->nodes[octree->nodes[i].children + (uint32_t)c];
+      if (is_small(child)) mark_node(task, child, m);
+    }
   }
   return fum_progress_report(context, FUM_STAGE_LIGHTING, 0.0F, "Placing samples of light");
 }
 
-/* The sample of a bit; its column and row as well. */
-static int64_t sample_of(const fum_lattice_face *grid, int64_t block, int bit, int64_t out_place[2]) {
-  out_place[0] = block % blocks_across(grid) * 8 + bit % 8;
-  out_place[1] = block / blocks_across(grid) * 8 + bit / 8;
-  return grid->first + out_place[1] * grid->columns + out_place[0];
-}
-
-static int64_t count_marks(const fum_marks *m, int32_t face) {
-  int64_t count = 0;
-  for (int64_t w = m->firsts[face]; w < m->firsts[face + 1]; w++)
-    count += __builtin_popcountll(m->words[w]);
-  return count;
-}
-
-static void collect_face(const fum_marks *m, const fum_lattice *lattice, int32_t face, int64_t n) {
-  int64_t place[2];
-  for (int64_t w = m->firsts[face]; w < m->firsts[face + 1]; w++) {
-    for (uint64_t word = m->words[w]; word != 0; word &= word - 1) {
-      const int bit = __builtin_ctzll(word);
-      lattice->samples[n++] = (uint32_t)sample_of(&lattice->faces[face], w - m->firsts[face], bit, place);
-    }
+/* What is left of a face's block of marks. */
+static uint64_t unset_hidden(const fum_hidden *hidden, int32_t face, int64_t block, uint64_t word) {
+  const fum_lattice_face *grid = &hidden->faces[face];
+  const int64_t place[2] = {block % fum_blocks_across(grid) * 8, block / fum_blocks_across(grid) * 8};
+  uint64_t kept = 0;
+  float lower[2], upper[2];
+  for (int axis = 0; axis < 2; axis++) {
+    lower[axis] = grid->origin[axis] + grid->spacing[axis] * (float)place[axis];
+    upper[axis] = grid->origin[axis] + grid->spacing[axis] * (float)(place[axis] + 7);
   }
-}
-
-int32_t fum_marks_collect(fum_context *context, const fum_marks *m, fum_lattice *lattice) {
-  const char *what = "lattice of light";
-  const int32_t faces = lattice->face_count;
-  int64_t *begins = NULL;
-  int32_t status = fum_alloc(context, faces, sizeof *begins, what, &begins);
-  for (int32_t f = 0; f < faces && status == FUM_OK; f++) {
-    begins[f] = lattice->lit_count;
-    lattice->lit_count += count_marks(m, f);
+  if (!fum_hidden_touches(hidden, face, lower, upper)) return word;
+  for (; word != 0; word &= word - 1) {
+    const int bit = __builtin_ctzll(word);
+    const float u = grid->origin[0] + grid->spacing[0] * (float)(place[0] + bit % 8);
+    const float v = grid->origin[1] + grid->spacing[1] * (float)(place[1] + bit / 8);
+    if (!fum_hidden_ask(hidden, face, u, v)) kept |= word & (~word + 1);
   }
-  if (status == FUM_OK)
-    status = fum_alloc(context, lattice->lit_count, sizeof *lattice->samples, what, &lattice->samples);
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic)
-  for (int32_t f = 0; f < (status == FUM_OK ? faces : 0); f++)
-    collect_face(m, lattice, f, begins[f]);
-  fum_free(context, &begins);
-  return status;
+  return kept;
 }
 
 void fum_marks_unset_hidden(fum_context *context, const fum_lattice *lattice, fum_marks *m) {
   if (lattice->hidden.depths == NULL) return;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic)
   for (int32_t f = 0; f < lattice->face_count; f++) {
-    const fum_lattice_face *grid = &lattice->faces[f];
     for (int64_t w = m->firsts[f]; w < m->firsts[f + 1]; w++) {
-      uint64_t kept = 0;
-      for (uint64_t word = m->words[w]; word != 0; word &= word - 1) {
-        int64_t place[2];
-        (void)sample_of(grid, w - m->firsts[f], __builtin_ctzll(word), place);
-        const float u = grid->origin[0] + grid->spacing[0] * (float)place[0];
-        const float v = grid->origin[1] + grid->spacing[1] * (float)place[1];
-        if (!fum_hidden_ask(&lattice->hidden, f, u, v)) kept |= word & (~word + 1);
-      }
-      m->words[w] = kept;
+      if (m->words[w] != 0) m->words[w] = unset_hidden(&lattice->hidden, f, w - m->firsts[f], m->words[w]);
     }
   }
 }

@@ -12,6 +12,10 @@ typedef struct fum_marks {
   int64_t *firsts; /* [face_count + 1] of each face */
 } fum_marks;
 
+static inline int64_t fum_blocks_across(const fum_lattice_face *grid) {
+  return (grid->columns + 7) / 8;
+}
+
 typedef struct fum_mark_task {
   const fum_octree *octree;
   const fum_view *view;
@@ -29,8 +33,5 @@ int32_t fum_marks_set(fum_context *context, const fum_mark_task *task, fum_marks
 
 /* Unsets those of samples that the camera can't see (lattice->hidden). */
 void fum_marks_unset_hidden(fum_context *context, const fum_lattice *lattice, fum_marks *marks);
-
-/* Lists the samples that are set in the lattice. */
-int32_t fum_marks_collect(fum_context *context, const fum_marks *marks, fum_lattice *lattice);
 
 #endif

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/lookup.h"
 
-/* Catmull and Rom 1974. Returns the first of the four samples. */
+/* Weights of the cubic B-splines (lattice_spline.h). Returns the first of the four samples. */
 static int32_t find_taps(double place, float origin, float spacing, double weights[4]) {
-  const double at = (place - (double)origin) / (double)spacing, whole = floor(at), f = at - whole;
-  weights[0] = f * (-0.5 + f * (1.0 - 0.5 * f));
-  weights[1] = 1.0 + f * f * (-2.5 + 1.5 * f);
-  weights[2] = f * (0.5 + f * (2.0 - 1.5 * f));
-  weights[3] = f * f * (-0.5 + 0.5 * f);
+  const double at = (place - (double)origin) / (double)spacing, whole = floor(at), f = at - whole, rest = 1.0 - f;
+  weights[0] = rest * rest * rest / 6.0;
+  weights[1] = (4.0 + f * f * (3.0 * f - 6.0)) / 6.0;
+  weights[2] = (4.0 + rest * rest * (3.0 * rest - 6.0)) / 6.0;
+  weights[3] = f * f * f / 6.0;
   return (int32_t)whole - 1;
 }
 

@@ -28,7 +28,7 @@ static inline float fum_lattice_bow(const float held[4], const float ranges[4]) 
   return first * second > 0.0F ? 0.5F * (first + second) : 0.0F;
 }
 
-/* Optical depth to the light (lattice->depths), or that per metre, at a place of the window and a range: cubic across
+/* Optical depth to the light (lattice->depths), or that per metre, at a place of the window and a range: splines across
  * the faces, a parabola between them. Where a face holds nothing the other one stands for both; 0 where neither does.
  */
 double fum_lattice_look_up(const fum_lattice *lattice, const fum_slabs *slabs, int32_t light, const double window[2],

@@ -247,7 +247,7 @@ done:
 }
 
 int32_t fum_medium_bunch(fum_context *context, float side, fum_medium *medium) {
-  const fum_bunch_options options = {medium->sigma_scale, side};
+  const fum_bunch_options options = {.sigma_scale = medium->sigma_scale, .side = side, .most_left = 0.5F};
   if (medium->bunch_side == side) return FUM_OK;
   fum_medium_forget_bunches(context, medium);
   medium->bunch_side = side;

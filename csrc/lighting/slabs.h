@@ -36,11 +36,11 @@ static inline double fum_footprint(double sigmas, double optical_depth) {
   return sqrt(sigmas * sigmas + 2.0 * log(optical_depth));
 }
 
-/* `tolerance` is the relative error of the picture that the steps may cause; `thinnest` the optical depth that a
- * particle counts at least (above 0 where it may glow without absorbing). `smears`: particles are where these are;
- * NULL: where they stand. */
+/* Of `tolerance`, a relative error of the picture, the steps of slabs may cause half, of `light_tolerance` the steps
+ * between samples of light. `thinnest` is the optical depth that a particle counts at least (above 0 where it may glow
+ * without absorbing). `smears`: particles are where these are; NULL: where they stand. */
 int32_t fum_slabs_find(fum_context *context, const fum_octree *octree, const fum_view *view, const fum_smears *smears,
-                       float tolerance, float thinnest, fum_slabs *out_slabs);
+                       float tolerance, float light_tolerance, float thinnest, fum_slabs *out_slabs);
 void fum_slabs_free(fum_context *context, fum_slabs *slabs);
 
 /* Range of a face; beyond the first and the last one, as if the slabs there went on. */

@@ -166,9 +166,10 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   return found;
 }
 
-/* A receiver in its patch: cells and slabs. */
+/* A receiver in its patch: cells and slabs; and its place in the order of the octree. */
 typedef struct spot {
   float column, row, range;
+  uint32_t index;
 } spot;
 
 /* Entries whose face is the one whose axis is nearest to them. */
@@ -191,9 +192,9 @@ static inline fum_vi are_in_patch(const patch *p, int axis, fum_vf at) {
          (place == count - 1 ? ~(fum_vi){0} : is_before);
 }
 
-/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most, and their places in the order
- * of the octree. Returns how many. Whatever patch asks, the same is found: each is in one. */
-static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *out, uint32_t *out_indices) {
+/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most. Returns how many. Whatever
+ * patch asks, the same is found: each is in one. */
+static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *out) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_face *face = &view->faces[p->face];
   const points q = load_points(view, p->job->points, first);
@@ -214,8 +215,7 @@ static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *ou
   for (; taken != 0; taken &= taken - 1) {
     const int k = __builtin_ctz(taken);
     if (!p->job->is_lit[first + k]) continue;
-    out[found] = (spot){column[k], row[k], range[k] < last ? range[k] : last};
-    out_indices[found++] = (uint32_t)(first + k);
+    out[found++] = (spot){column[k], row[k], range[k] < last ? range[k] : last, (uint32_t)(first + k)};
   }
   return found;
 }

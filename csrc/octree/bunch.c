@@ -1,26 +1,28 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "octree/bunch.h"
 
+#include "base/simd.h"
 #include "octree/thin.h"
 
 #include <math.h>
 #include <string.h>
 
 /* Cells along each axis of a node, at most. */
-enum { MOST_CELLS = 5, ALL_CELLS = MOST_CELLS * MOST_CELLS * MOST_CELLS };
+enum { MOST_CELLS = 8, ALL_CELLS = MOST_CELLS * MOST_CELLS * MOST_CELLS };
 
 static const char WHAT[] = "bunches of particles";
 
 /* How a leaf is cut. Lengths are in its sigmas, from its lower corner on. */
 typedef struct cutting {
   float lower[3], per_metre, cells_per_metre[3], sigma_scale;
-  int32_t last[3]; /* cell along each axis */
-  bool is_cut;     /* false: its particles stay as they are */
+  int32_t cells[3], cell_count; /* along each axis, and in all */
+  bool is_cut;                  /* false: its particles stay as they are */
 } cutting;
 
 /* How wide a node's particles are. */
 typedef struct widths {
-  float most_inverse;       /* 1 / sigma of the narrowest */
+  float most_inverse;       /* 1 / sigma of the narrowest... */
+  float least_inverse;      /* ...and of the widest */
   double depth, area_depth; /* sums of optical depth, and of that times sigma^2 */
 } widths;
 
@@ -33,10 +35,11 @@ static float inverse_sigma_of(const widths *w) {
 }
 
 static widths find_widths(const fum_octree *octree, const fum_octree_node *leaf) {
-  widths w = {0};
+  widths w = {.least_inverse = INFINITY};
   for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++) {
     const float inverse = octree->inverse_sigmas[p], depth = octree->optical_depths[p];
     w.most_inverse = w.most_inverse > inverse ? w.most_inverse : inverse;
+    w.least_inverse = w.least_inverse < inverse ? w.least_inverse : inverse;
     w.depth += (double)depth;
     w.area_depth += (double)(depth / (inverse * inverse));
   }
@@ -49,18 +52,34 @@ static void find_all_widths(fum_context *context, const fum_octree *octree, widt
     if (octree->nodes[i].children == 0) out[i] = find_widths(octree, &octree->nodes[i]);
   }
   for (int64_t i = octree->node_count - 1; i >= 0; i--) {
+    if (octree->nodes[i].children == 0) continue;
+    out[i] = (widths){.least_inverse = INFINITY};
     const int children = __builtin_popcount(octree->nodes[i].octants);
     for (int c = 0; c < children; c++) {
       const widths *child = &out[octree->nodes[i].children + (uint32_t)c];
       out[i].most_inverse = fmaxf(out[i].most_inverse, child->most_inverse);
+      out[i].least_inverse = fminf(out[i].least_inverse, child->least_inverse);
       out[i].depth += child->depth;
       out[i].area_depth += child->area_depth;
     }
   }
 }
 
+/* Do all of a node's particles look as wide as the camera asks for? */
+static bool is_sighted(const fum_octree_node *node, const widths *w, const fum_bunch_sight *sight) {
+  float near, far;
+  if (sight == NULL) return true;
+  near = far = sight->depth[3];
+  for (int axis = 0; axis < 3; axis++) {
+    const float lower = sight->depth[axis] * node->lower[axis], upper = sight->depth[axis] * node->upper[axis];
+    near += fminf(lower, upper);
+    far += fmaxf(lower, upper);
+  }
+  return sight->least * far * w->most_inverse <= 1.0F && sight->most * near * w->least_inverse >= 1.0F;
+}
+
 static cutting cut(const fum_octree_node *node, const widths *w, const fum_bunch_options *options) {
-  cutting c = {.is_cut = node->count > 1,
+  cutting c = {.is_cut = node->count > 1 && is_sighted(node, w, options->sight),
                .per_metre = inverse_sigma_of(w) / options->sigma_scale,
                .sigma_scale = options->sigma_scale};
   for (int axis = 0; axis < 3; axis++) {
@@ -68,9 +87,10 @@ static cutting cut(const fum_octree_node *node, const widths *w, const fum_bunch
     const float cells = fmaxf(ceilf(extent * c.per_metre / options->side), 1.0F);
     c.lower[axis] = node->lower[axis];
     c.is_cut = c.is_cut && cells <= (float)MOST_CELLS;
-    c.last[axis] = c.is_cut ? (int32_t)cells - 1 : 0;
+    c.cells[axis] = c.is_cut ? (int32_t)cells : 1;
     c.cells_per_metre[axis] = extent > 0.0F ? cells / extent : 0.0F;
   }
+  c.cell_count = c.cells[0] * c.cells[1] * c.cells[2];
   return c;
 }
 
@@ -100,77 +120,90 @@ static int64_t prune(const fum_octree *octree, const fum_bunch_options *options,
 }
 
 /* Adds the cells along one axis to those of a leaf's particles. */
-static void add_cells(const float *restrict places, uint32_t count, float lower, float per_metre, int32_t last,
-                      uint8_t *restrict cells) {
+static void add_cells(const float *restrict places, uint32_t count, float lower, float per_metre, int32_t cell_count,
+                      uint16_t *restrict cells) {
+  const int32_t last = cell_count - 1;
   for (uint32_t i = 0; i < count; i++) {
     const int32_t cell = (int32_t)((places[i] - lower) * per_metre);
-    cells[i] = (uint8_t)(cells[i] * MOST_CELLS + (cell < last ? cell : last));
+    cells[i] = (uint16_t)(cells[i] * cell_count + (cell < last ? cell : last));
   }
 }
 
 /* Finds the cells of a leaf's particles; returns how many particles are left: cells with any. */
-static uint32_t find_cells(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, uint8_t *cells) {
+static uint32_t find_cells(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, uint16_t *cells) {
   const float *places[3] = {octree->z, octree->y, octree->x};
   uint8_t taken[ALL_CELLS] = {0};
   uint32_t count = 0;
   if (!c->is_cut) return leaf->count;
-  memset(cells, 0, leaf->count);
+  memset(cells, 0, leaf->count * sizeof *cells);
   for (int k = 0; k < 3; k++) {
     const int axis = 2 - k;
-    add_cells(places[k] + leaf->begin, leaf->count, c->lower[axis], c->cells_per_metre[axis], c->last[axis], cells);
+    add_cells(places[k] + leaf->begin, leaf->count, c->lower[axis], c->cells_per_metre[axis], c->cells[axis], cells);
   }
   for (uint32_t i = 0; i < leaf->count; i++)
     taken[cells[i]] = 1;
-  for (int32_t k = 0; k < ALL_CELLS; k++)
+  for (int32_t k = 0; k < c->cell_count; k++)
     count += taken[k];
   return count;
 }
 
-/* Over the particles of a cell: sums of their masses, optical depth times sigma^2, and of those times what they are. */
-enum { MASS, X, Y, Z, VARIANCE, XX, YY, ZZ, XY, XZ, YZ, SUMS = 12 };
+/* Over the particles of a cell: sums of their masses, optical depth times sigma^2, times x, y and z times (x, y, z, 1),
+ * a row each; and in the last row of mass times sigma^2 and of mass. */
+enum { ROWS = 4 };
 
-static void add_particle(const cutting *c, const fum_octree *octree, uint32_t p, float sums[SUMS]) {
+static void add_particle(const cutting *c, const fum_octree *octree, uint32_t p, fum_quad sums[ROWS]) {
   const float x = (octree->x[p] - c->lower[0]) * c->per_metre, y = (octree->y[p] - c->lower[1]) * c->per_metre,
               z = (octree->z[p] - c->lower[2]) * c->per_metre;
   const float sigma = c->sigma_scale * c->per_metre / octree->inverse_sigmas[p], variance = sigma * sigma;
   const float mass = octree->optical_depths[p] * variance;
-  const float of[SUMS] = {1.0F, x, y, z, variance, x * x, y * y, z * z, x * y, x * z, y * z, 0.0F};
-  for (int k = 0; k < SUMS; k++)
-    sums[k] += mass * of[k];
+  const fum_quad place = {x, y, z, 1.0F}, weight = {mass * variance, mass, 0.0F, 0.0F};
+  sums[0] += place * (mass * x);
+  sums[1] += place * (mass * y);
+  sums[2] += place * (mass * z);
+  sums[3] += weight;
 }
 
 /* The Gaussian with the mass, centroid and second moments of a cell. */
-static void emit(const cutting *c, const float sums[SUMS], uint32_t at, fum_octree *out) {
-  const float per_mass = sums[MASS] > 0.0F ? 1.0F / sums[MASS] : 0.0F, unit = 1.0F / c->per_metre;
-  const float x = sums[X] * per_mass, y = sums[Y] * per_mass, z = sums[Z] * per_mass;
-  const float xx = sums[XX] * per_mass - x * x, yy = sums[YY] * per_mass - y * y, zz = sums[ZZ] * per_mass - z * z;
+static void emit(const cutting *c, const fum_quad sums[ROWS], uint32_t at, fum_octree *out) {
+  const float mass = sums[3][1], per_mass = mass > 0.0F ? 1.0F / mass : 0.0F, unit = 1.0F / c->per_metre;
+  const float x = sums[0][3] * per_mass, y = sums[1][3] * per_mass, z = sums[2][3] * per_mass;
+  const float xx = sums[0][0] * per_mass - x * x, yy = sums[1][1] * per_mass - y * y,
+              zz = sums[2][2] * per_mass - z * z;
   const float least = 0.25F; /* the narrowest have more: for cells without any mass */
-  const float spread = (xx + yy + zz) * 0.33333333F, variance = fmaxf(sums[VARIANCE] * per_mass + spread, least);
-  const float stretches[FUM_STRETCHES] = {xx - spread, yy - spread, sums[XY] * per_mass - x * y,
-                                          sums[XZ] * per_mass - x * z, sums[YZ] * per_mass - y * z};
+  const float spread = (xx + yy + zz) * 0.33333333F, variance = fmaxf(sums[3][0] * per_mass + spread, least);
+  const float stretches[FUM_STRETCHES] = {xx - spread, yy - spread, sums[0][1] * per_mass - x * y,
+                                          sums[0][2] * per_mass - x * z, sums[1][2] * per_mass - y * z};
   out->x[at] = c->lower[0] + x * unit;
   out->y[at] = c->lower[1] + y * unit;
   out->z[at] = c->lower[2] + z * unit;
   out->inverse_sigmas[at] = c->sigma_scale * c->per_metre / sqrtf(variance);
-  out->optical_depths[at] = sums[MASS] / variance;
+  out->optical_depths[at] = mass / variance;
   for (int k = 0; k < FUM_STRETCHES; k++)
     out->stretches[k * (out->count + FUM_OCTREE_PAD) + at] = stretches[k] * unit * unit;
 }
 
-static void fill_leaf(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, const uint8_t *of_cells,
+static void fill_leaf(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, const uint16_t *of_cells,
                       uint32_t at, fum_octree *out) {
-  float cells[ALL_CELLS][SUMS] = {{0.0F}};
-  uint8_t taken[ALL_CELLS] = {0};
+  fum_quad cells[ALL_CELLS][ROWS];
+  uint32_t members[ALL_CELLS], firsts[ALL_CELLS];
   if (!c->is_cut) {
     fum_octree_copy(octree, leaf->begin, leaf->count, out, at);
+    for (uint32_t i = 0; i < leaf->count; i++)
+      out->members[at + i] = 1;
     return;
   }
-  for (uint32_t i = 0; i < leaf->count; i++) {
-    taken[of_cells[i]] = 1;
+  memset(cells, 0, (size_t)c->cell_count * sizeof *cells);
+  memset(members, 0, (size_t)c->cell_count * sizeof *members);
+  for (uint32_t i = leaf->count; i-- > 0;) { /* backwards: the first one is the last that is written down */
+    members[of_cells[i]]++;
+    firsts[of_cells[i]] = octree->indices[leaf->begin + i];
     add_particle(c, octree, leaf->begin + i, cells[of_cells[i]]);
   }
-  for (int32_t k = 0; k < ALL_CELLS; k++) {
-    if (taken[k]) emit(c, cells[k], at++, out);
+  for (int32_t k = 0; k < c->cell_count; k++) {
+    if (members[k] == 0) continue;
+    out->indices[at] = firsts[k];
+    out->members[at] = members[k];
+    emit(c, cells[k], at++, out);
   }
 }
 
@@ -179,7 +212,7 @@ typedef struct bunching {
   fum_octree pruned; /* the octree's particles in fewer nodes, which are owned */
   widths *of_nodes;  /* [node_count], as are those below */
   uint32_t *places, *counts;
-  uint8_t *cells; /* [particles] */
+  uint16_t *cells; /* [particles] */
 } bunching;
 
 static int32_t begin_bunching(fum_context *context, const fum_octree *octree, bunching *out) {
@@ -235,8 +268,9 @@ int32_t fum_octree_bunch(fum_context *context, const fum_octree *octree, const f
   b.pruned.node_count = prune(octree, options, b.places, b.of_nodes, b.pruned.nodes);
   const int64_t count = count_all(context, options, &b);
   if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
-  if (status != FUM_OK || 2 * count > octree->count) goto done;
+  if (status != FUM_OK || (double)count > (double)options->most_left * (double)octree->count) goto done;
   status = fum_octree_thin(context, &b.pruned, b.counts, &bunched);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *bunched->members, WHAT, &bunched->members);
   if (status == FUM_OK)
     status = fum_alloc(context, FUM_STRETCHES * (count + FUM_OCTREE_PAD), sizeof(float), WHAT, &bunched->stretches);
   if (status != FUM_OK) goto done;

@@ -5,13 +5,21 @@
 
 #include "octree/octree.h"
 
+/* How wide particles may look to a camera that bunches are made for. */
+typedef struct fum_bunch_sight {
+  float depth[4];    /* factors of x, y, z and 1 that make up a place's depth; in an orthographic view it is 1 */
+  float least, most; /* sigma over depth */
+} fum_bunch_sight;
+
 typedef struct fum_bunch_options {
-  float sigma_scale; /* factor on every particle's sigma */
-  float side;        /* of a cell at most, in sigmas of the narrowest particle thereabouts */
+  float sigma_scale;            /* factor on every particle's sigma */
+  float side;                   /* of a cell at most, in sigmas of the narrowest particle thereabouts */
+  float most_left;              /* share of the particles; where more would be left they stay as they are */
+  const fum_bunch_sight *sight; /* others stay by themselves; NULL: none do */
 } fum_bunch_options;
 
-/* Fewer particles in fewer nodes, without indices: Gaussians with the mass (optical depth times sigma^2), centroid
- * and second moments of each cell's particles. NULL when there would be more than half as many. */
+/* Fewer particles in fewer nodes: Gaussians with the mass (optical depth times sigma^2), centroid and second moments of
+ * each cell's particles, and the index of the first of them. NULL when too many would be left. */
 int32_t fum_octree_bunch(fum_context *context, const fum_octree *octree, const fum_bunch_options *options,
                          fum_octree **out_bunched);
 

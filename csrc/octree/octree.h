@@ -22,8 +22,9 @@ enum { FUM_STRETCHES = 5 };
 typedef struct fum_octree {
   double origin[3];                       /* world position of local zero */
   int64_t count;                          /* particles */
-  uint32_t *indices;                      /* [count] index that the particle was built with, in Morton order; 0 where
-                                             several were merged */
+  uint32_t *indices;                      /* [count] index that the particle was built with, in Morton order; of
+                                             several that were merged 0, of a bunch that of one */
+  uint32_t *members;                      /* [count] how many are in a bunch; NULL: one each */
   float *x, *y, *z;                       /* [count] local space */
   float *inverse_sigmas, *optical_depths; /* [count] of one particle, through its centre; NULL in an octree of points */
   float
@@ -32,6 +33,11 @@ typedef struct fum_octree {
   int64_t node_count;
   fum_octree_node *nodes; /* node 0 is the root; a child comes after its parent; none if there are no particles */
 } fum_octree;
+
+/* How many particles the one at a place stands for. */
+static inline uint32_t fum_octree_members(const fum_octree *octree, int64_t place) {
+  return octree->members != NULL ? octree->members[place] : 1;
+}
 
 typedef struct fum_octree_options {
   int32_t leaf_size;

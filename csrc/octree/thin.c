@@ -47,9 +47,11 @@ int32_t fum_octree_thin(fum_context *context, const fum_octree *octree, const ui
 
 void fum_octree_copy(const fum_octree *from, uint32_t first, uint32_t count, fum_octree *to, uint32_t at) {
   const size_t bytes = count * sizeof(float);
+  memcpy(to->indices + at, from->indices + first, count * sizeof *to->indices);
   memcpy(to->x + at, from->x + first, bytes);
   memcpy(to->y + at, from->y + first, bytes);
   memcpy(to->z + at, from->z + first, bytes);
+  if (from->inverse_sigmas == NULL) return;
   memcpy(to->inverse_sigmas + at, from->inverse_sigmas + first, bytes);
   memcpy(to->optical_depths + at, from->optical_depths + first, bytes);
 }

@@ -7,14 +7,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from clouds import cloud, plume
+from clouds import FRONT, SIDE, WALL, cloud, lit, plume
 from fumarole import core
 
-FRONT = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 8.0], [0, 0, 0, 1]])
-SIDE = {"type": "POINT", "matrix": [[1, 0, 0, 4], [0, 1, 0, 3], [0, 0, 1, 3], [0, 0, 0, 1]], "power": 1000.0}
 SUN = {"type": "SUN", "power": 2.0, "color": (1.0, 0.5, 0.2)}
-WALL = ([[-5, -5, 0.1], [-0.4, -5, -0.5], [-0.3, 5, 0.6], [-5, 5, 0.0]], [[0, 1, 2], [0, 2, 3]])
-
 BACKDROP = ([[-1.5, -5, -3], [5, -5, -4], [5, 5, -4], [-1, 5, -3]], [[0, 1, 2], [0, 2, 3]])
 
 
@@ -29,12 +25,7 @@ def render(
     particles: dict, is_full: bool, lights: tuple = (SIDE, SUN), wall: tuple = (), passes: tuple = ("Combined",), **how
 ) -> dict[str, np.ndarray]:
     threads, solids = how.pop("threads", 0), how.pop("solids", "HOLDOUT")
-    scene = core.Scene(core.Context(threads=threads))
-    scene.add_particles(**particles)
-    for light in lights:
-        scene.add_light(**light)
-    if wall:
-        scene.add_mesh(*wall)
+    scene = lit(particles, lights, wall, threads)
     camera = core.Camera(**({"matrix": FRONT, "lens": 60, "width": 600, "height": 450} | how))
     result = core.render(
         scene,
@@ -47,7 +38,7 @@ def render(
 
 # Particles, how they are seen, and the share of the smoke's pixels that is drawn as if there were no grid, at most.
 SCENES = {
-    "plume": (plume(20_000, 0.06, 0.05), {}, 0.5),
+    "plume": (plume(9000, 0.1, 0.05), {}, 0.5),
     "ball": (cloud(3000, 0.25, 0.1), {}, 0.1),
     "ball of depth 20": (cloud(3000, 0.2, 0.5), {}, 0.2),
     "single particles": (cloud(30, 0.5, 0.5), {}, 0.1),

@@ -44,6 +44,14 @@ def test_progress_names_stages_in_order_with_fractions() -> None:
     assert all(0 <= fraction <= 1 and isinstance(message, str) for _, fraction, message in calls)
 
 
+def test_progress_tells_every_step_of_a_fast_render() -> None:
+    """The steps of one stage follow each other faster than progress is repeated within a step."""
+    messages = []
+    with core.Context(progress=lambda _stage, _fraction, message: messages.append(message)) as context:
+        core.render(puff(context, 10), CAMERA)
+    assert messages[:3] == ["Collecting particles", "Sorting particles in space", "Subdividing cells"]
+
+
 @pytest.mark.parametrize("stage", ["octree", "lighting", "drawing"])
 def test_cancelling_at_a_stage_then_rendering_again(stage: str) -> None:
     with core.Context(progress=lambda name, *_: name == stage) as context:

@@ -133,7 +133,9 @@ def check_order(counts: np.ndarray, samples: np.ndarray, camera: core.Camera) ->
 @pytest.mark.parametrize("furnish", PUFFS, ids=lambda furnish: furnish.__name__)
 def test_samples_make_combined(furnish: object, view: str) -> None:
     for has_bar in (False, True):
-        result = core.render(make(furnish, has_bar=has_bar), CAMERAS[view], passes=["Combined"], deep=True)
+        scene = make(furnish, has_bar=has_bar, context=core.Context())
+        result = core.render(scene, CAMERAS[view], passes=["Combined"], deep=True)
+        assert result.warnings == []
         counts, samples = result.deep.counts, result.deep.samples
         combined = result["Combined"]
         assert combined[..., 3].max() > (0.05 if furnish is not flame else 0.0)

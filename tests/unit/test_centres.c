@@ -58,7 +58,7 @@ static bool suffice(setup u) {
   fum_view_place(&view, s.scene->origin);
   const fum_octree *all = s.scene->caches->all;
   assert_int_equal(fum_lighting_begin(s.scene, &settings, all, &lighting), FUM_OK);
-  assert_int_equal(fum_slabs_find(s.context, all, &view, NULL, u.tolerance, 0.0F, &slabs), FUM_OK);
+  assert_int_equal(fum_slabs_find(s.context, all, &view, NULL, u.tolerance, u.tolerance, 0.0F, &slabs), FUM_OK);
   const bool answer =
       fum_centres_suffice(s.scene, all, &view, &slabs, &lighting.lamps, s.scene->caches->solids, u.tolerance);
   fum_slabs_free(s.context, &slabs);

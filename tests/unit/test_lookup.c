@@ -2,6 +2,7 @@
 /* The lattice of light asked at single points, on lattices made by hand. */
 #include "support.h"
 
+#include "lighting/lattice_spline.h"
 #include "lighting/lookup.h"
 
 static const float UNEVEN[4] = {1.0F, 1.5F, 2.75F, 3.25F};
@@ -68,8 +69,8 @@ typedef struct bed {
   fum_lattice lattice;
 } bed;
 
-/* The second light holds the field, the first one ten times that. */
-static void make_bed(field_fn field, bed *b) {
+/* The second light holds the field, the first one ten times that; as they are at the samples. */
+static void fill_bed(field_fn field, bed *b) {
   static const float ranges[FACES] = {2.0F, 2.5F, 3.5F, 4.0F, 5.5F};
   *b = (bed){0};
   b->slabs = (fum_slabs){.count = SLABS, .faces = b->faces};
@@ -96,6 +97,17 @@ static void make_bed(field_fn field, bed *b) {
   }
 }
 
+static void fit_bed(bed *b) {
+  stage s = stage_open();
+  assert_int_equal(fum_lattice_fit(s.context, &b->lattice), FUM_OK);
+  stage_close(&s);
+}
+
+static void make_bed(field_fn field, bed *b) {
+  fill_bed(field, b);
+  fit_bed(b);
+}
+
 static double look_up(const bed *b, int32_t light, double u, double v, double range) {
   return fum_lattice_look_up(&b->lattice, &b->slabs, light, (double[2]){u, v}, range);
 }
@@ -119,7 +131,7 @@ static double negative(double u, double v, double range) {
   return -linear(u, v, range);
 }
 
-/* Catmull and Rom's cubic is exact for quadratics, and so is the parabola between faces. */
+/* Splines whose ends bend evenly are exact for quadratics, and so is the parabola between faces. */
 static void test_look_up_is_exact(void **state) {
   (void)state;
   static const field_fn fields[] = {constant, linear, quadratic};
@@ -169,6 +181,75 @@ static void test_look_up_where_nothing_is_held(void **state) {
   assert_true(fabs(look_up(&b, 1, u, v, range) - linear(u, v, 2.5)) < 1e-5);
 }
 
+static double noise(double u, double v, double range) {
+  (void)range;
+  return 1.0 + (double)uniform((uint64_t)(1e6 * (u + 5.0)) * 7919 + (uint64_t)(1e6 * (v + 5.0)), 0.0F, 3.0F);
+}
+
+static bool is_lit_around(const bed *b, const fum_lattice_face *grid, int32_t column, int32_t row) {
+  for (int32_t r = row - 1; r <= row + 2; r++) {
+    for (int32_t c = column - 1; c <= column + 2; c++) {
+      if (isnan(b->depths[grid->first + r * grid->columns + c])) return false;
+    }
+  }
+  return true;
+}
+
+/* Whatever the samples hold and wherever there are none, splines go through those amid others. */
+static void test_splines_meet_the_samples(void **state) {
+  (void)state;
+  static bed b, fitted;
+  int32_t met = 0, missing = 0;
+  fill_bed(noise, &b);
+  for (int64_t i = 0; i < b.lattice.sample_count; i++) {
+    if (uniform(900 + (uint64_t)i, 0.0F, 1.0F) < 0.06F) b.depths[i] = NAN;
+  }
+  fitted = b;
+  fitted.lattice.faces = fitted.grids;
+  fitted.lattice.depths = fitted.depths;
+  fitted.slabs.faces = fitted.faces;
+  fit_bed(&fitted);
+  for (int32_t f = 0; f < FACES; f++) {
+    const fum_lattice_face *grid = &b.grids[f];
+    for (int32_t i = 0; i < grid->columns * grid->rows; i++) {
+      const int32_t column = i % grid->columns, row = i / grid->columns;
+      assert_int_equal(isnan(b.depths[grid->first + i]), isnan(fitted.depths[grid->first + i]));
+      missing += isnan(b.depths[grid->first + i]);
+      if (column < 1 || row < 1 || column > grid->columns - 3 || row > grid->rows - 3) continue;
+      if (!is_lit_around(&b, grid, column, row)) continue;
+      /* a little past the sample, so that rounding takes none before it */
+      const double u = (double)grid->origin[0] + (double)grid->spacing[0] * (column + 1e-6);
+      const double v = (double)grid->origin[1] + (double)grid->spacing[1] * (row + 1e-6);
+      const double found = look_up(&fitted, 0, u, v, (double)b.faces[f].range);
+      const double expected = (double)b.depths[grid->first + i];
+      if (fabs(found - expected) > 1e-3) fail_msg("face %d at %d %d: %g is not %g", f, column, row, found, expected);
+      met++;
+    }
+  }
+  assert_true(missing > 10 && met > 100);
+}
+
+static double gaussian(double u, double v, double range) {
+  const double sigma = 0.3;
+  (void)range;
+  return exp(-0.5 * (u * u + v * v) / (sigma * sigma));
+}
+
+/* A Gaussian sampled up to a sigma apart: cubics through four samples alone are off by 8 % of its peak. */
+static void test_splines_are_close(void **state) {
+  (void)state;
+  static bed b;
+  double worst = 0.0;
+  make_bed(gaussian, &b);
+  for (int f = 0; f < FACES; f++) {
+    for (uint64_t i = 0; i < 400; i++) {
+      const double u = (double)uniform(2 * i, -0.4F, 0.4F), v = (double)uniform(2 * i + 1, -0.4F, 0.4F);
+      worst = fmax(worst, fabs(look_up(&b, 1, u, v, (double)b.faces[f].range) - gaussian(u, v, 0.0)));
+    }
+  }
+  if (worst > 0.035) fail_msg("off by %g", worst);
+}
+
 int main(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(test_bow_is_exact_for_parabolas),
@@ -177,6 +258,8 @@ int main(void) {
       cmocka_unit_test(test_look_up_is_exact),
       cmocka_unit_test(test_look_up_beyond_the_lattice),
       cmocka_unit_test(test_look_up_where_nothing_is_held),
+      cmocka_unit_test(test_splines_meet_the_samples),
+      cmocka_unit_test(test_splines_are_close),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -132,7 +132,7 @@ static void test_spoiled_lattice_is_noticed(void **state) {
   fum_meter meter;
   fum_accuracy right, spoiled;
   const float footprint = 3.46F, tolerance = t->settings.tolerance;
-  assert_int_equal(fum_slabs_find(t->s.context, all, &t->view, NULL, tolerance, 0.0F, &slabs), FUM_OK);
+  assert_int_equal(fum_slabs_find(t->s.context, all, &t->view, NULL, tolerance, tolerance, 0.0F, &slabs), FUM_OK);
   assert_int_equal(fum_lattice_place(t->s.context, all, &t->view, &slabs, footprint, tolerance, &lattice), FUM_OK);
   assert_int_equal(fum_lattice_light(&t->lighting.gathering, &t->view, &slabs, &t->lighting.lamps, &lattice), FUM_OK);
   const fum_meter_sight sight = {&t->view, (double)footprint, NULL, &slabs, &lattice.hidden};

@@ -138,7 +138,8 @@ static void check_loops(fum_scene *scene, const fum_camera *camera) {
   assert_int_equal(fum_tiles_find_looks(scene, classes, &job), FUM_OK);
   assert_int_equal(fum_lighting_begin(scene, &settings, all, &lighting), FUM_OK);
   job.lamps = &lighting.lamps;
-  assert_int_equal(fum_slabs_find(context, all, &view, NULL, settings.tolerance, job.thinnest, &slabs), FUM_OK);
+  assert_int_equal(
+      fum_slabs_find(context, all, &view, NULL, settings.tolerance, settings.tolerance, job.thinnest, &slabs), FUM_OK);
   assert_int_equal(fum_lattice_place(context, all, &view, &slabs, footprint_sigmas, settings.tolerance, &lattice),
                    FUM_OK);
   assert_int_equal(fum_lattice_light(&lighting.gathering, &view, &slabs, &lighting.lamps, &lattice), FUM_OK);

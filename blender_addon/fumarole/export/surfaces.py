@@ -15,6 +15,10 @@ from .nodes import NodeReader, Warn, find_socket
 # What Cycles shows of a mesh without a material.
 DEFAULT_ALBEDO = 0.8
 
+# Inputs of Principled that say that a surface isn't matt or isn't opaque, and what they are where it is. Transmission has
+# had another name since Blender 4.
+_MATT = {"Metallic": 0.0, "Transmission": 0.0, "Transmission Weight": 0.0, "Alpha": 1.0}
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -32,8 +36,22 @@ class _Unreadable(Exception):
 class _SurfaceReader(NodeReader):
     """Gives up where another value would have to stand in for what can't be read."""
 
-    def __init__(self, owner: str) -> None:
+    def __init__(self, owner: str, warn: Warn) -> None:
+        self._warn_of_look = warn
         super().__init__(owner, self._give_up, self._no_attribute)
+
+    def name_lost(self, node: bpy.types.Node) -> None:
+        """Warns of what makes a Principled node something else than a matt surface."""
+        for identifier, matt in _MATT.items():
+            if not _has(node, identifier):
+                continue
+            socket = find_socket(node.inputs, identifier)
+            if socket.is_linked or socket.default_value != matt:
+                value = "that is linked" if socket.is_linked else f"{socket.default_value:.4g}"
+                self._warn_of_look(
+                    f"{self.owner}, node '{node.name}': {identifier} {value} isn't supported on shaded solids; they are "
+                    "matt and opaque"
+                )
 
     def stand_in(self, source: bpy.types.Node, node: bpy.types.Node, socket: bpy.types.NodeSocket) -> np.ndarray:
         raise _Unreadable(f"the link from node '{source.name}' to '{node.name}', input '{socket.name}'")
@@ -60,7 +78,7 @@ def read_surface(material: bpy.types.Material | None, warn: Warn) -> Surface:
     socket = surface_socket(material)
     if socket is None:
         return Surface((0.0, 0.0, 0.0))
-    reader = _SurfaceReader(owner)
+    reader = _SurfaceReader(owner, warn)
     try:
         node, _ = reader.shader(socket)
         if node is not None and node.bl_idname == "ShaderNodeHoldout":
@@ -81,7 +99,7 @@ def _surface(albedo: np.ndarray, emission: np.ndarray, owner: str, warn: Warn) -
     return Surface(tuple(clipped.tolist()), tuple(np.maximum(emission, 0).tolist()))
 
 
-def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) -> tuple[np.ndarray, np.ndarray]:
+def _closure(reader: _SurfaceReader, socket: bpy.types.NodeSocket, groups: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Albedo and emission, (3,) each."""
     node, groups = reader.shader(socket, groups)
     if node is None:
@@ -98,6 +116,7 @@ def _closure(reader: NodeReader, socket: bpy.types.NodeSocket, groups: tuple) ->
     if node.bl_idname == "ShaderNodeEmission":
         return np.zeros(3), _emission(reader, node, "Color", "Strength", groups)
     if node.bl_idname == "ShaderNodeBsdfPrincipled":
+        reader.name_lost(node)
         # The colour was called Emission before Blender 4.
         color = "Emission Color" if _has(node, "Emission Color") else "Emission"
         return reader.color(node, "Base Color", groups)[0], _emission(reader, node, color, "Emission Strength", groups)

@@ -28,6 +28,7 @@ class World:
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # (4, 4) world from picture
     on_smoke: bool = True  # shines on it...
     on_solids: bool = True  # ...and on them
+    in_camera: bool = True  # the camera sees it
     light_sets: tuple[int, ...] | None = None  # that it shines on; None: all
 
     def add_to(self, scene: core.Scene) -> None:
@@ -39,6 +40,8 @@ class World:
 
     def seen_by(self, camera: core.Camera) -> np.ndarray:
         """Radiance behind the smoke: (3,), or (height, width, 3) for each pixel of the camera."""
+        if not self.in_camera:
+            return np.zeros(3)
         if self.picture is None:
             return self.color
         return self.color * _look_up(self.picture, _directions(camera) @ np.linalg.inv(self.matrix)[:3, :3].T, camera)
@@ -51,6 +54,7 @@ def export_world(world: bpy.types.World | None, warn: Warn) -> World | None:
     result = World(f"World '{world.name}'", group=getattr(world, "lightgroup", ""))
     if hasattr(world, "cycles_visibility"):
         result.on_smoke, result.on_solids = world.cycles_visibility.scatter, world.cycles_visibility.diffuse
+        result.in_camera = world.cycles_visibility.camera
     tree = compat.node_tree(world)
     if tree is None:
         result.color = np.array(world.color, dtype=np.float64)

@@ -77,6 +77,18 @@ def test_what_cannot_be_read_is_named(scene: bpy.types.Scene) -> None:
     assert not any("viewport colour" in text for text in scenes.export().warnings), "holdouts have no looks"
 
 
+def test_what_is_not_matt_is_named(scene: bpy.types.Scene) -> None:
+    transmission = "Transmission_Weight" if bpy.app.version >= (4, 0, 0) else "Transmission"
+    node = "ShaderNodeBsdfPrincipled"
+    paint(scenes.plane("Matt"), node)
+    paint(scenes.plane("Glass"), node, Metallic=0.25, Alpha=0.5, **{transmission: 0.75})
+    scene.fumarole.solids = "SHADED"
+    warnings = scenes.export().warnings
+    for what in ("Metallic 0.25", transmission.replace("_", " ") + " 0.75", "Alpha 0.5"):
+        assert sum("'Paint of Glass'" in text and what in text for text in warnings) == 1, what
+    assert not any("'Paint of Matt'" in text for text in warnings)
+
+
 def test_colours_out_of_range_are_named(scene: bpy.types.Scene) -> None:
     paint(scenes.plane("Wall"), Color=(1.5, 0.5, 0.5, 1))
     scene.fumarole.solids = "SHADED"

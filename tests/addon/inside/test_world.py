@@ -212,6 +212,22 @@ def test_a_world_that_volumes_do_not_see_lights_no_smoke(scene: bpy.types.Scene,
     assert cycles_share(tmp_path, samples=16).max() < 1e-6
 
 
+def test_a_world_that_the_camera_does_not_see_is_black_behind_smoke(scene: bpy.types.Scene, tmp_path: Path) -> None:
+    """And shines all the same."""
+    world(scene, strength=2.0)
+    scenes.plane("Floor", location=(50, 0, 0))
+    scenes.camera(location=(0, -3, 0))
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    for is_seen in (True, False):
+        scene.world.cycles_visibility.camera = is_seen
+        scene.render.engine = "FUMAROLE"
+        assert scenes.export().world.light_sets is None
+        found = render(tmp_path)
+        set_cycles(samples=1)
+        assert found == pytest.approx(render(tmp_path), rel=1e-3)
+        assert (found[..., :3].max() > 0) == is_seen
+
+
 def test_8_bit_colours_become_linear(scene: bpy.types.Scene) -> None:
     values = np.array([0, 0.02, 0.5, 0.75, 1], dtype=np.float32)
     texture = textured(scene, np.zeros((1, 1, 3)))
