@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs every test, one stage after another, and closes with the line "N passed, N failed, N skipped".
+"""Runs every test, as many stages at once as there are cores, and closes with the line "N passed, N failed, N skipped".
 
     ./run test        C unit tests, Python tests without Blender, tests inside Blender 3.4
     ./run test all    also inside Blender 4.2, 4.5 and 5.0, and everything but Blender under the sanitizers
 
-Exits with 1 when a test failed or a stage could not run.
+What a stage prints is shown when it ends. Exits with 1 when a test failed or a stage could not run.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import sys
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,7 +26,7 @@ REPORTS = BUILD / "test_reports"
 BLENDERS = BUILD / "blenders"
 PYTHON = "/usr/bin/python3"
 BPY_VERSIONS = {"4.2": "4.2.23", "4.5": "4.5.15", "5.0": "5.0.1"}
-STAGE_LIMIT_S = 1200
+STAGE_LIMIT_S = 2400
 
 
 @dataclass
@@ -42,13 +43,21 @@ class Counts:
 
 @dataclass
 class Stage:
-    """One program that writes a JUnit report. `prepare` are commands that must succeed first."""
+    """One program that writes a JUnit report."""
 
     name: str
     command: list[str]
     report: Path
     environment: Mapping[str, str] = field(default_factory=dict)
-    prepare: Sequence[list[str]] = ()
+
+
+@dataclass
+class Outcome:
+    """What a stage came to: its tests, how long it took, and what it printed."""
+
+    counts: Counts
+    seconds: float
+    output: str
 
 
 def read_report(path: Path) -> Counts:
@@ -64,16 +73,16 @@ def read_report(path: Path) -> Counts:
     return counts
 
 
-def ctest(preset: str, prepare: Sequence[list[str]] = ()) -> Stage:
+def ctest(preset: str) -> Stage:
     report = REPORTS / f"ctest_{preset}.xml"
     command = ["ctest", "--test-dir", str(BUILD / preset), "--output-on-failure", "--output-junit", str(report)]
-    return Stage(f"C unit tests, {preset} build", [*command, "--timeout", "300"], report, prepare=prepare)
+    return Stage(f"C unit tests, {preset} build", [*command, "--timeout", "600"], report)
 
 
 def pytest(name: str, folder: str, *options: str, environment: Mapping[str, str] | None = None) -> Stage:
     report = REPORTS / ("_".join([folder, *name.split()]).replace(",", "") + ".xml")
-    cache = f"cache_dir={BUILD / 'pytest_cache'}"
-    command = [PYTHON, "-m", "pytest", "-q", "-ra", "-o", cache, f"--junitxml={report}", f"tests/{folder}", *options]
+    plain = ["-q", "-ra", "-p", "no:cacheprovider", f"--junitxml={report}"]
+    command = [PYTHON, "-m", "pytest", *plain, f"tests/{folder}", *options]
     return Stage(name, command, report, environment or {})
 
 
@@ -90,7 +99,6 @@ def blender_environment(version: str) -> list[list[str]]:
 
 def sanitizer_stages() -> list[Stage]:
     """Unit tests and the Python core in the sanitizer build. Python itself leaks, so leaks are left to the unit tests."""
-    build = [["cmake", "--preset", "sanitize"], ["cmake", "--build", "--preset", "sanitize"]]
     # libstdc++ as well: the sanitizer looks up the C++ exception functions when it starts.
     libraries = [
         subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True).stdout.strip()
@@ -101,55 +109,68 @@ def sanitizer_stages() -> list[Stage]:
         "ASAN_OPTIONS": "detect_leaks=0",
         "FUMAROLE_LIBRARY": str(BUILD / "sanitize" / "libfumarole.so"),
     }
-    # The package is made of the release build alone.
-    core = pytest("Python core, sanitize build", "core", "--ignore=tests/core/test_package.py", environment=environment)
-    return [ctest("sanitize", build), core]
+    # Packages and the benchmark program are those of the release build.
+    released = [f"--ignore=tests/core/test_{name}.py" for name in ("package", "bench", "charts", "paper", "guard")]
+    return [pytest("Python core, sanitize build", "core", *released, environment=environment), ctest("sanitize")]
+
+
+def preparations(everything: bool) -> list[list[str]]:
+    """Commands that must succeed before any stage."""
+    if not everything:
+        return []
+    environments = [command for version in BPY_VERSIONS for command in blender_environment(version)]
+    return [*environments, ["cmake", "--preset", "sanitize"], ["cmake", "--build", "--preset", "sanitize"]]
 
 
 def stages(everything: bool) -> list[Stage]:
-    listed = [
-        ctest("release"),
-        pytest("Python core", "core"),
+    """Those that take longest first, so that no core waits for them at the end."""
+    versions = ["3.4", *BPY_VERSIONS] if everything else ["3.4"]
+    return [
+        *(sanitizer_stages() if everything else []),
+        *(pytest(f"Blender {version}", "addon", "--blender", version) for version in versions),
         pytest("Stability", "stability"),
-        pytest("Blender 3.4", "addon", "--blender", "3.4"),
+        pytest("Python core", "core"),
+        ctest("release"),
     ]
-    if everything:
-        for version in BPY_VERSIONS:
-            stage = pytest(f"Blender {version}", "addon", "--blender", version)
-            stage.prepare = blender_environment(version)
-            listed.append(stage)
-        # The tests of the core look into the 5.0 environment, hence before them.
-        listed[0].prepare = blender_environment("5.0")
-        listed += sanitizer_stages()
-    return listed
 
 
-def run(command: Sequence[str], environment: Mapping[str, str] | None = None) -> bool:
-    """True when the command ended in time with exit code 0. Its output is passed on."""
+def run(command: Sequence[str], environment: Mapping[str, str] | None = None) -> tuple[bool, str]:
+    """Whether the command ended in time with exit code 0, and what it printed."""
+    # Threads that wait by spinning take the core that other stages run on. The add-on sets it, too.
+    surroundings = os.environ | {"OMP_WAIT_POLICY": "passive"} | (environment or {})
     try:
-        done = subprocess.run(command, cwd=ROOT, env=os.environ | (environment or {}), timeout=STAGE_LIMIT_S)
-    except subprocess.TimeoutExpired:
-        print(f"stopped after {STAGE_LIMIT_S} s: {' '.join(command)}", file=sys.stderr)
-        return False
+        done = subprocess.run(
+            command,
+            cwd=ROOT,
+            env=surroundings,
+            timeout=STAGE_LIMIT_S,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+    except subprocess.TimeoutExpired as late:
+        printed = (late.stdout or b"").decode(errors="replace")
+        return False, f"{printed}\nstopped after {STAGE_LIMIT_S} s: {' '.join(command)}\n"
     except OSError as error:
-        print(f"could not run {command[0]}: {error}", file=sys.stderr)
-        return False
-    return done.returncode == 0
+        return False, f"could not run {command[0]}: {error}\n"
+    return done.returncode == 0, done.stdout
 
 
-def run_stage(stage: Stage) -> Counts:
+def run_stage(stage: Stage) -> Outcome:
     """Runs one stage. What failed without a failed test in the report counts as one failure."""
+    start = time.monotonic()
     stage.report.unlink(missing_ok=True)
-    succeeded = all(run(command) for command in stage.prepare) and run(stage.command, stage.environment)
+    succeeded, output = run(stage.command, stage.environment)
     try:
         counts = read_report(stage.report)
     except (OSError, ElementTree.ParseError):
         counts = Counts()
         succeeded = False
     if not succeeded and counts.failed == 0:
-        print(f"{stage.name}: the stage failed outside its tests", file=sys.stderr)
+        output += f"{stage.name}: the stage failed outside its tests\n"
         counts.failed = 1
-    return counts
+    return Outcome(counts, time.monotonic() - start, output)
 
 
 def main() -> int:
@@ -157,17 +178,24 @@ def main() -> int:
     parser.add_argument("scope", nargs="?", choices=["all"], help="also the other Blenders and the sanitizers")
     everything = parser.parse_args().scope == "all"
     REPORTS.mkdir(parents=True, exist_ok=True)
+    for command in preparations(everything):
+        print("Preparing:", " ".join(command), flush=True)
+        succeeded, output = run(command)
+        if not succeeded:
+            print(output)
+            return 1
     total = Counts()
     summary = []
-    for stage in stages(everything):
-        print(f"\n== {stage.name}", flush=True)
-        start = time.monotonic()
-        counts = run_stage(stage)
-        summary.append(f"{time.monotonic() - start:7.1f} s  {stage.name}: {counts}")
-        total.passed += counts.passed
-        total.failed += counts.failed
-        total.skipped += counts.skipped
-    print("\n" + "\n".join(summary))
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        running = {pool.submit(run_stage, stage): stage for stage in stages(everything)}
+        for future in as_completed(running):
+            stage, outcome = running[future], future.result()
+            print(f"\n== {stage.name}\n{outcome.output}", flush=True)
+            summary.append(f"{outcome.seconds:7.1f} s  {stage.name}: {outcome.counts}")
+            total.passed += outcome.counts.passed
+            total.failed += outcome.counts.failed
+            total.skipped += outcome.counts.skipped
+    print("\n".join(summary))
     print(total)
     return 1 if total.failed else 0
 

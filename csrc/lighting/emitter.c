@@ -85,16 +85,12 @@ static fum_vec3 ball_point(int32_t index, int32_t count) {
   const float z = 1.0F - 2.0F * ((float)index + 0.5F) / (float)count;
   const float across = sqrtf(fmaxf(0.0F, 1.0F - z * z)), angle = GOLDEN_ANGLE * (float)index;
   const double share = (double)van_der_corput((uint32_t)index) + 0.5 / (double)count;
-  double low = 0.0, high = FUM_PI / 2.0;
-  for (int step = 0; step < 40; step++) {
-    const double t = 0.5 * (low + high);
-    if ((2.0 * t - sin(2.0 * t)) / FUM_PI < share) {
-      low = t;
-    } else {
-      high = t;
-    }
+  double t = cbrt(0.75 * FUM_PI * share); /* right near 0; three steps of Newton's leave 3e-11 anywhere */
+  for (int step = 0; step < 3; step++) {
+    const double sine = sin(t);
+    t -= (2.0 * t - 2.0 * sine * cos(t) - FUM_PI * share) / (4.0 * sine * sine);
   }
-  const float radius = (float)sin(low);
+  const float radius = (float)sin(t);
   return (fum_vec3){radius * across * cosf(angle), radius * across * sinf(angle), radius * z};
 }
 

@@ -31,7 +31,7 @@ def main(folder: Path, frames: int, words: set[str]) -> None:
     scene = bpy.context.scene
     scene.render.engine = "FUMAROLE"
     # Larger with OpenGL, so that what is lost would show beside what Mesa takes and gives back.
-    scene.render.resolution_x = scene.render.resolution_y = 128 if "opengl" in words else 64
+    scene.render.resolution_x = scene.render.resolution_y = 256 if "opengl" in words else 128
     scene.render.use_persistent_data = "persistent" in words
     scene.frame_end = frames
     # As many live in every frame.
