@@ -98,7 +98,7 @@ def lighting(sizes: Sizes, solver: str, particles: int, lights: int = 1, share: 
     work = particles * lights
     sample = max(16, min(256, sizes.checks // work))
     options = ("--particles", particles, "--lights", lights, "--subsampling", share, "--solver", solver, "--sample", sample)
-    return run("lighting", *options, repeats=sizes.repeats if work < sizes.long else 1)
+    return run("lighting", *options, repeats=1 if solver == "exact" and work >= sizes.long else sizes.repeats)
 
 
 def frame(sizes: Sizes, particles: int, size: tuple[int, int], *more: object, device: str = "tiles", picture: str = "") -> Run:

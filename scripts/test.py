@@ -81,8 +81,8 @@ def ctest(preset: str) -> Stage:
 
 def pytest(name: str, folder: str, *options: str, environment: Mapping[str, str] | None = None) -> Stage:
     report = REPORTS / ("_".join([folder, *name.split()]).replace(",", "") + ".xml")
-    plain = ["-q", "-ra", "-p", "no:cacheprovider", f"--junitxml={report}"]
-    command = [PYTHON, "-m", "pytest", *plain, f"tests/{folder}", *options]
+    cache = f"cache_dir={BUILD / 'pytest_cache' / report.stem}"
+    command = [PYTHON, "-m", "pytest", "-q", "-ra", "-o", cache, f"--junitxml={report}", f"tests/{folder}", *options]
     return Stage(name, command, report, environment or {})
 
 
