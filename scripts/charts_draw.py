@@ -150,9 +150,9 @@ def draw_error_time(rows: list[Row]) -> Figure:
     charts[0].set_ylim(min(errors) / 1.6, max(errors) * 1.6)
     scale(charts[0].yaxis, round_ticks(*charts[0].get_ylim()), percent)
     charts[0].set_ylabel("error of the picture (relative RMS)")
-    for device, offset in (("tiles", (-10, -8)), ("gl", (-10, 0))):
+    for device, tolerance, offset in (("tiles", 0.001, (-10, -6)), ("gl", 0.01, (-10, 0))):
         name, colour, _ = METHODS[device]
-        row = select(kept, scene=scenes[0], device=device, tolerance=0.01)[0]
+        row = select(kept, scene=scenes[0], device=device, tolerance=tolerance)[0]
         write_beside(charts[0], name, *position(row), offset, ha="right", color=colour, weight="bold")
     return figure
 
