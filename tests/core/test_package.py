@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import package
 import pytest
 
@@ -92,6 +94,32 @@ assert all(path.startswith(str(_library.ADDON)) for path in loaded)
     environment = {"PYTHONPATH": str(unpacked.parent), "PATH": "/usr/bin:/bin"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="no qemu-x86_64")
+def test_package_works_on_any_processor_of_x86_64_v2(unpacked: Path, tmp_path: Path) -> None:
+    """Smoke swept by a light past a solid, on this processor and on an emulated Nehalem, which knows no AVX."""
+    program = """
+import sys
+import numpy as np
+from fumarole import core
+scene = core.Scene()
+scene.add_particles(np.random.default_rng(1).normal(size=(12000, 3)) / 2 - (0, 0, 5), radius=0.1, density=3.0)
+scene.add_mesh([(-1, -1, -5), (1, -1, -5), (0, 1, -5)], [(0, 1, 2)])
+lamp = np.eye(4)
+lamp[:3, 3] = 2, -3, 4
+scene.add_light("POINT", matrix=lamp)
+np.save(sys.argv[1], core.render(scene, core.Camera(width=48, height=48), core.Settings(device="TILES"))["Combined"])
+"""
+    environment = {"PYTHONPATH": str(unpacked.parent), "PATH": "/usr/bin:/bin"}
+    pictures = []
+    for emulator in ([], ["qemu-x86_64", "-cpu", "Nehalem"]):
+        path = tmp_path / f"{len(pictures)}.npy"
+        command = [*emulator, sys.executable, "-c", program, str(path)]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        pictures.append(np.load(path))
+    assert pictures[0][..., :3].max() > 0 and np.allclose(*pictures, rtol=1e-3, atol=1e-3 * pictures[0].max())
 
 
 def test_same_input_gives_the_same_zip(unpacked: Path) -> None:
