@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,14 @@ def unpacked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with zipfile.ZipFile(package.make_package()) as archive:
         archive.extractall(folder)
     return folder / "fumarole"
+
+
+def run_python(unpacked: Path, program: str, *arguments: str, emulator: Sequence[str] = ()) -> None:
+    """Runs a program that knows the package alone; it must end well."""
+    environment = {"PYTHONPATH": str(unpacked.parent), "PATH": "/usr/bin:/bin"}
+    command = [*emulator, sys.executable, "-c", program, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def readelf(path: Path) -> str:
@@ -91,9 +100,7 @@ loaded = {line.split()[-1] for line in lines if "/fumarole/lib/" in line}
 assert {Path(path).name for path in loaded} >= {"libfumarole.so", "libembree3.so.3"}, loaded
 assert all(path.startswith(str(_library.ADDON)) for path in loaded)
 """
-    environment = {"PYTHONPATH": str(unpacked.parent), "PATH": "/usr/bin:/bin"}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    run_python(unpacked, program)
 
 
 @pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="no qemu-x86_64")
@@ -111,15 +118,11 @@ lamp[:3, 3] = 2, -3, 4
 scene.add_light("POINT", matrix=lamp)
 np.save(sys.argv[1], core.render(scene, core.Camera(width=48, height=48), core.Settings(device="TILES"))["Combined"])
 """
-    environment = {"PYTHONPATH": str(unpacked.parent), "PATH": "/usr/bin:/bin"}
-    pictures = []
-    for emulator in ([], ["qemu-x86_64", "-cpu", "Nehalem"]):
-        path = tmp_path / f"{len(pictures)}.npy"
-        command = [*emulator, sys.executable, "-c", program, str(path)]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        pictures.append(np.load(path))
-    assert pictures[0][..., :3].max() > 0 and np.allclose(*pictures, rtol=1e-3, atol=1e-3 * pictures[0].max())
+    paths = [tmp_path / "here.npy", tmp_path / "emulated.npy"]
+    run_python(unpacked, program, str(paths[0]))
+    run_python(unpacked, program, str(paths[1]), emulator=("qemu-x86_64", "-cpu", "Nehalem"))
+    here, emulated = (np.load(path) for path in paths)
+    assert here[..., :3].max() > 0 and np.allclose(here, emulated, rtol=1e-3, atol=1e-3 * here.max())
 
 
 def test_same_input_gives_the_same_zip(unpacked: Path) -> None:

@@ -223,13 +223,17 @@ static puffs make_puffs(int64_t count, float radius) {
   return p;
 }
 
-static void test_round_splats(void **state) {
-  (void)state;
-  puffs p = make_puffs(5003, 0.05F);
-  smoke s = smoke_open(&p, 0.0F);
+static void check_shots(const puffs *p, float side) {
+  smoke s = smoke_open(p, side);
   for (int k = 0; k < SHOT_COUNT; k++)
     check_smoke(&s, &SHOTS[k]);
   smoke_close(&s);
+}
+
+static void test_round_splats(void **state) {
+  (void)state;
+  puffs p = make_puffs(5003, 0.05F);
+  check_shots(&p, 0.0F);
   puffs_free(&p);
 }
 
@@ -238,10 +242,7 @@ static void test_bunches(void **state) {
   puffs p = make_puffs(40001, 0.08F);
   for (int64_t i = 0; i < p.count; i++)
     p.radii[i] = 0.12F + 0.02F * (float)(i % 3);
-  smoke s = smoke_open(&p, 2.5F);
-  for (int k = 0; k < SHOT_COUNT; k++)
-    check_smoke(&s, &SHOTS[k]);
-  smoke_close(&s);
+  check_shots(&p, 2.5F);
   puffs_free(&p);
 }
 
