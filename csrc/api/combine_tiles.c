@@ -87,8 +87,7 @@ static int32_t light_centres(const plan *p, smoke_light *light, double *out_shar
   const fum_octree *all = r->scene->caches->all;
   fum_gathering g = p->lighting->gathering;
   const fum_viewpoint viewpoint = fum_find_viewpoint(&r->view);
-  int32_t status = fum_receivers_group(r->context, all, &p->lighting->receivers);
-  if (status == FUM_OK) status = fum_alloc(r->context, all->count, 3 * sizeof(float), "lighting", &light->centres);
+  int32_t status = fum_alloc(r->context, all->count, 3 * sizeof(float), "lighting", &light->centres);
   g.listen = fum_meter_listen;
   g.listen_user = meter;
   if (status == FUM_OK) status = fum_inscatter(r->scene, &g, &p->lighting->lamps, &viewpoint, NULL, light->centres);

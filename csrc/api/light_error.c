@@ -106,16 +106,15 @@ static int32_t add_lights(fum_rendering *r, const fum_lighting *lighting, const 
                           const fum_lattice *lattice, const spots *s, const fum_octree *points, sum *sums) {
   fum_context *context = r->context;
   fum_solver exactly = {.wanted = FUM_SOLVER_EXACT, .tolerance = r->settings.tolerance};
-  fum_receivers receivers = {0};
+  fum_receivers receivers = {.octree = points};
   fum_gathering g = lighting->gathering;
   float *exact = NULL;
   g.solver = &exactly;
   g.receivers = &receivers;
   g.solids = NULL; /* they block light, however much of it there is */
-  int32_t status = fum_receivers_group(context, points, &receivers);
   const fum_lamps *lamps = &lighting->lamps;
   const int64_t most = points->count * fum_lamps_most_alike(lamps);
-  if (status == FUM_OK) status = fum_alloc(context, most, sizeof *exact, "pass Error", &exact);
+  int32_t status = fum_alloc(context, most, sizeof *exact, "pass Error", &exact);
   for (int32_t l = 0, alike; l < lamps->count && status == FUM_OK; l += alike) {
     const fum_lamp *lamp = &lamps->items[l];
     alike = fum_lamps_alike(lamps, l);

@@ -23,6 +23,7 @@ int32_t fum_lighting_begin(fum_scene *scene, const fum_settings *settings, const
     return status;
   }
   lighting.media = &scene->caches->media;
+  lighting.receivers.octree = receivers;
   *out_lighting = lighting;
   out_lighting->solver = (fum_solver){.wanted = settings->solver, .tolerance = settings->tolerance};
   out_lighting->gathering = (fum_gathering){.context = context,
@@ -39,13 +40,20 @@ void fum_lighting_end(fum_context *context, fum_lighting *lighting) {
   fum_receivers_free(context, &lighting->receivers);
 }
 
-float fum_surface_respond(const void *user, uint32_t receiver, fum_vec3 to_light) {
-  const fum_surface *s = user;
-  const int64_t i = s->indices[receiver];
+static float face_light(const fum_surface *s, int64_t i, fum_vec3 to_light) {
   if (s->mesh_indices != NULL && !fum_has_set(s->light_sets, s->meshes[s->mesh_indices[i]].light_set)) return 0.0F;
   if (s->normals == NULL) return 1.0F;
   const float *n = s->normals + 3 * i;
   return fmaxf(0.0F, n[0] * to_light.x + n[1] * to_light.y + n[2] * to_light.z);
+}
+
+void fum_surface_respond(const void *user, const fum_emitter *emitter, int64_t first, int64_t count, float *strengths) {
+  const fum_surface *s = user;
+  for (int64_t k = 0; k < count; k++) {
+    const fum_octree *p = s->points;
+    const fum_vec3 point = {p->x[first + k], p->y[first + k], p->z[first + k]};
+    strengths[k] *= face_light(s, p->indices[first + k], fum_emitter_way(emitter, point).direction);
+  }
 }
 
 static int32_t check_points(fum_scene *scene, int32_t light, int64_t count, const float *positions, const float *out) {
@@ -66,21 +74,22 @@ static int32_t check_points(fum_scene *scene, int32_t light, int64_t count, cons
   return FUM_OK;
 }
 
-/* Adds what arrives of the light at points, in the caller's order: [3 count] irradiance, or the mean of its samples'
- * transmittances, in each channel the same. */
+/* What arrives of a light at points, [3 count]: irradiance, or the mean of its samples' transmittances, in each channel
+ * the same. */
 static int32_t add_lamps(const fum_lighting *lighting, int32_t light, bool is_transmittance, int64_t count,
-                         const uint32_t *indices, float *factors, float *out) {
+                         float *out) {
   int32_t status = FUM_OK;
   float sent = 0.0F;
+  bool adds = false;
   for (fum_lamp_walk walk = {0}; fum_lamps_walk(&lighting->lamps, &walk) && status == FUM_OK;) {
-    const float *color = walk.lamp.color;
+    float *color = walk.lamp.color;
     if (walk.lamp.light != light) continue;
-    memset(factors, 0, (size_t)count * sizeof *factors);
-    status = fum_gather_light(&lighting->gathering, &walk.lamp, (float[2]){0.0F, 1.0F}, factors);
     const float share = walk.lamp.environment != NULL ? color[0] + color[1] + color[2] : 1.0F;
     sent += share;
-    for (int64_t i = 0; i < 3 * count && status == FUM_OK; i++)
-      out[3 * (int64_t)indices[i / 3] + i % 3] += (is_transmittance ? share : color[i % 3]) * factors[i / 3];
+    for (int c = 0; c < 3 && is_transmittance; c++)
+      color[c] = share;
+    status = fum_gather_light(&lighting->gathering, &walk.lamp, (float[2]){0.0F, 1.0F}, adds, out);
+    adds = true;
   }
   for (int64_t i = 0; i < 3 * count && is_transmittance && sent > 0.0F; i++)
     out[i] /= sent;
@@ -93,7 +102,7 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
   fum_context *context = scene->context;
   fum_octree *points = NULL;
   fum_lighting lighting = {0};
-  float *factors = NULL, *local = NULL, *sums = NULL;
+  float *local = NULL, *sums = NULL;
   int32_t status = fum_alloc(context, count, 3 * sizeof *local, "points", &local);
   for (int64_t i = 0; status == FUM_OK && i < 3 * count; i++) {
     local[i] = (float)((double)positions[i] - scene->origin[i % 3]);
@@ -102,20 +111,18 @@ static int32_t light_points(fum_scene *scene, const fum_settings *settings, int3
     status = fum_octree_build_points(context, scene->origin, count, local, FUM_GROUP_SIZE, &points);
   }
   if (status == FUM_OK) status = fum_lighting_begin(scene, settings, points, &lighting);
-  if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *factors, "points", &factors);
   if (status == FUM_OK) status = fum_alloc(context, count, 3 * sizeof *sums, "points", &sums);
   if (status != FUM_OK) goto done;
-  const fum_surface surfaces = {.indices = points->indices, .normals = normals};
+  const fum_surface surfaces = {.points = points, .normals = normals};
   /* Nothing measures these: only an exact solver keeps what is promised of them. */
   if (lighting.solver.wanted == FUM_SOLVER_AUTOMATIC) lighting.solver.wanted = FUM_SOLVER_EXACT;
   lighting.gathering.response = is_transmittance ? NULL : fum_surface_respond;
   lighting.gathering.response_user = &surfaces;
-  status = add_lamps(&lighting, light, is_transmittance, count, points->indices, factors, sums);
-  if (status == FUM_OK && count > 0) memcpy(out, sums, 3 * (size_t)count * sizeof *sums);
+  status = add_lamps(&lighting, light, is_transmittance, count, sums);
+  for (int64_t i = 0; i < 3 * count && status == FUM_OK; i++)
+    out[3 * (int64_t)points->indices[i / 3] + i % 3] = sums[i];
 done:
   fum_free(context, &local);
-  fum_free(context, &factors);
   fum_free(context, &sums);
   fum_lighting_end(context, &lighting);
   fum_octree_destroy(context, points);

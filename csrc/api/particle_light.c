@@ -3,8 +3,6 @@
 
 #include "lighting/inscatter.h"
 
-#include <string.h>
-
 /* An exact solver keeps every particle within a tenth of the tolerance; of a sweep, errors as small as a quarter of it
  * in the root mean square don't show. */
 static bool keeps_tolerance(const fum_rendering *r, const fum_lighting *lighting, const fum_accuracy *accuracy) {
@@ -23,11 +21,6 @@ static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *const
   if (status != FUM_OK) return status;
   lighting->gathering.listen = fum_meter_listen;
   lighting->gathering.listen_user = &meter;
-  const size_t size = 3 * (size_t)r->scene->caches->all->count * sizeof *light;
-  memset(light, 0, size);
-  for (int32_t l = 0; l < r->scene->light_count && by_light != NULL; l++) {
-    if (by_light[l] != NULL) memset(by_light[l], 0, size);
-  }
   status = fum_inscatter(r->scene, &lighting->gathering, &lighting->lamps, &viewpoint, by_light, light);
   if (status == FUM_OK) status = fum_meter_read(&meter, &accuracy);
   if (status == FUM_OK) {
@@ -41,8 +34,7 @@ static int32_t light_once(fum_rendering *r, fum_lighting *lighting, float *const
 
 int32_t fum_light_particles(fum_rendering *r, fum_lighting *lighting, float *const *by_light, float *out_light) {
   bool keeps = true;
-  int32_t status = fum_receivers_group(r->context, r->scene->caches->all, &lighting->receivers);
-  if (status == FUM_OK) status = light_once(r, lighting, by_light, out_light, &keeps);
+  int32_t status = light_once(r, lighting, by_light, out_light, &keeps);
   while (status == FUM_OK && !keeps && fum_solver_fall_back(&lighting->solver))
     status = light_once(r, lighting, by_light, out_light, &keeps);
   for (int32_t l = 0; l < r->scene->light_count && by_light != NULL && status == FUM_OK; l++) {

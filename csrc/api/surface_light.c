@@ -24,14 +24,11 @@ int32_t fum_surface_light_find(const fum_rendering *r, const fum_surfaces *surfa
   int32_t status =
       fum_octree_build_points(context, r->scene->origin, surfaces->count, surfaces->positions, FUM_GROUP_SIZE, &points);
   if (status == FUM_OK) status = fum_lighting_begin(r->scene, &r->settings, points, &lighting);
-  if (status == FUM_OK) status = fum_receivers_group(context, points, &lighting.receivers);
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *smoky, "light on solids", &smoky);
   if (status == FUM_OK) status = fum_alloc(context, surfaces->count, sizeof *clear, "light on solids", &clear);
   if (status != FUM_OK) goto done;
-  fum_surface surface = {.indices = points->indices,
-                         .normals = surfaces->normals,
-                         .meshes = r->scene->meshes,
-                         .mesh_indices = surfaces->meshes};
+  fum_surface surface = {
+      .points = points, .normals = surfaces->normals, .meshes = r->scene->meshes, .mesh_indices = surfaces->meshes};
   lighting.gathering.response = fum_surface_respond;
   lighting.gathering.response_user = &surface;
   const float total = (float)fum_lamps_sample_count(&lighting.lamps);

@@ -13,13 +13,6 @@ static double distance_to_box(const fum_octree *octree, const double point[3]) {
   return sqrt(squared);
 }
 
-static double largest_sigma(const fum_octree *octree) {
-  float smallest = INFINITY;
-  for (int64_t i = 0; i < octree->count; i++)
-    smallest = fminf(smallest, octree->inverse_sigmas[i]);
-  return 1.0 / (double)smallest;
-}
-
 /* Angles as seen from a particle that change by less than this across it: its size over a distance. */
 static double angle_over(double sigma, double distance) {
   return distance > 0.0 ? sigma / distance : INFINITY;
@@ -37,7 +30,7 @@ static double steepest_phase(const fum_scene *scene) {
 
 bool fum_centres_suffice(const fum_scene *scene, const fum_octree *octree, const fum_view *view, const fum_slabs *slabs,
                          const fum_lamps *lamps, const fum_solids *solids, float tolerance) {
-  const double per_angle = 0.25, allowed = 0.5 * (double)tolerance, sigma = largest_sigma(octree),
+  const double per_angle = 0.25, allowed = 0.5 * (double)tolerance, sigma = 1.0 / (double)octree->sums[0].least_inverse,
                phase = steepest_phase(scene);
   const double *m = view->local_from_camera;
   if (solids != NULL || !(slabs->thickness <= allowed)) return false;

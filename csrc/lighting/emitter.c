@@ -190,3 +190,22 @@ float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, f
   }
   return d->type == FUM_LIGHT_SPOT ? factor * spot_factor(lamp, normalized(from_light)) : factor;
 }
+
+/* Of a light without a size, which sends alike to all sides. */
+static void find_plainly(const float *const places[3], fum_vec3 light, int64_t count, float *restrict out) {
+  const float *restrict x = places[0], *restrict y = places[1], *restrict z = places[2];
+  for (int64_t k = 0; k < count; k++) {
+    const fum_vec3 way = {x[k] - light.x, y[k] - light.y, z[k] - light.z};
+    out[k] = 1.0F / fum_max(fum_dot(way, way), 1e-30F);
+  }
+}
+
+void fum_emitter_irradiances(const fum_lamp *lamp, const fum_emitter *emitter, const float *const places[3],
+                             int64_t count, float *out_irradiances) {
+  if (lamp->desc.type == FUM_LIGHT_POINT && !(lamp->desc.radius > 0.0F)) {
+    find_plainly(places, emitter->position, count, out_irradiances);
+    return;
+  }
+  for (int64_t k = 0; k < count; k++)
+    out_irradiances[k] = fum_emitter_irradiance(lamp, emitter, (fum_vec3){places[0][k], places[1][k], places[2][k]});
+}

@@ -40,6 +40,23 @@ fum_emitter fum_lamp_sample(const fum_lamp *lamp, int32_t index);
  * share of the whole light. Sums over the samples to what BLENDER.md measured of Cycles for each type of light. */
 float fum_emitter_irradiance(const fum_lamp *lamp, const fum_emitter *emitter, fum_vec3 point);
 
+/* The same at points, places[axis][k] of point k. */
+void fum_emitter_irradiances(const fum_lamp *lamp, const fum_emitter *emitter, const float *const places[3],
+                             int64_t count, float *out_irradiances);
+
+/* Way from a point to a sample of a light. */
+typedef struct fum_way {
+  fum_vec3 direction; /* unit */
+  float length;       /* m; INFINITY of a directional light */
+} fum_way;
+
+static inline fum_way fum_emitter_way(const fum_emitter *emitter, fum_vec3 point) {
+  if (emitter->is_directional) return (fum_way){emitter->direction, INFINITY};
+  const fum_vec3 line = fum_sub(emitter->position, point);
+  const float length = fum_length(line);
+  return (fum_way){length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
+}
+
 /* Share of its radiance that an area light sends at this cosine to its axis, above 0. */
 float fum_lamp_spread(const fum_lamp *lamp, float cosine);
 

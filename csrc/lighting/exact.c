@@ -121,11 +121,12 @@ static void solve_group(walk *w, const fum_receivers *receivers, int64_t group, 
   }
 }
 
-int32_t fum_exact_solve(fum_context *context, fum_medium *medium, const fum_receivers *receivers,
-                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths) {
+int32_t fum_exact_solve(fum_context *context, fum_medium *medium, fum_receivers *receivers, const fum_emitter *emitter,
+                        const uint8_t *is_lit, const float progress[2], float *out_depths) {
   walk *walks = NULL;
   const int32_t threads = fum_thread_count(context);
   int32_t status = fum_medium_lay_runs(context, medium);
+  if (status == FUM_OK) status = fum_receivers_group(context, receivers);
   if (status == FUM_OK) status = fum_alloc(context, threads, sizeof *walks, "lighting", &walks);
   if (status != FUM_OK) return status;
   atomic_int_least64_t groups_done = 0;

@@ -11,8 +11,8 @@
 
 /* Optical depth from each receiver to the emitter; only where is_lit (receivers' order) is nonzero, elsewhere
  * out_depths is left alone. Progress runs from `progress[0]` to `progress[1]` of the lighting stage. */
-int32_t fum_exact_solve(fum_context *context, fum_medium *medium, const fum_receivers *receivers,
-                        const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
+int32_t fum_exact_solve(fum_context *context, fum_medium *medium, fum_receivers *receivers, const fum_emitter *emitter,
+                        const uint8_t *is_lit, const float progress[2], float *out_depths);
 
 /* Predicted time, on all threads together: a receiver takes as long as it meets casters, whose number grows with the
  * cube root. Of measured times. */

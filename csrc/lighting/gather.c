@@ -10,18 +10,8 @@ fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point)
   return length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
 }
 
-/* Way from a receiver to a sample of a light. */
-typedef struct way {
-  fum_vec3 point, direction; /* the receiver; unit */
-  float length;
-} way;
-
-static way find_way(const fum_octree *octree, int64_t i, const fum_emitter *emitter) {
-  const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]};
-  if (emitter->is_directional) return (way){point, emitter->direction, INFINITY};
-  const fum_vec3 line = fum_sub(emitter->position, point);
-  const float length = fum_length(line);
-  return (way){point, length > 0.0F ? fum_scaled(line, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F}, length};
+static fum_vec3 point_of(const fum_octree *octree, int64_t i) {
+  return (fum_vec3){octree->x[i], octree->y[i], octree->z[i]};
 }
 
 /* Where a receiver's shadow rays start. A particle born on a surface stands in it half, and the camera sees the half on
@@ -33,26 +23,45 @@ static fum_vec3 ray_start(const fum_gathering *g, int64_t i, fum_vec3 point) {
   return fum_mad(fum_direction_to_viewer(g->viewpoint, point), sigmas / octree->inverse_sigmas[i], point);
 }
 
+/* Receivers that are looked at together. */
+enum { STRETCH = 1024 };
+
+static int64_t stretches_of(int64_t count) {
+  return (count + STRETCH - 1) / STRETCH;
+}
+
+static void meet_solids(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter, int64_t first,
+                        int64_t count, float *strengths) {
+  for (int64_t k = 0; k < count; k++) {
+    const fum_vec3 point = point_of(g->receivers->octree, first + k);
+    const fum_way way = fum_emitter_way(emitter, point);
+    if (strengths[k] > 0.0F && fum_solids_occlude(g->solids, lamp->desc.shadow_sets, ray_start(g, first + k, point),
+                                                  way.direction, way.length))
+      strengths[k] *= 1.0F - g->solid_shadow_intensity;
+  }
+}
+
 /* Strength of one sample at each receiver before smoke; 0 where it doesn't reach. */
 static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter,
                            float *out_strengths, uint8_t *out_is_lit) {
   const fum_octree *octree = g->receivers->octree;
   const bool meets_solids = g->solids != NULL && lamp->desc.casts_shadows != 0;
-#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
-  for (int64_t i = 0; i < octree->count; i++) {
-    if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
-    const way w = find_way(octree, i, emitter);
-    float strength = 1.0F / (float)lamp->sample_count;
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1)
+  for (int64_t stretch = 0; stretch < stretches_of(octree->count); stretch++) {
+    if (fum_progress_in_loop(g->context, stretch, 16)) continue;
+    const int64_t first = stretch * STRETCH, left = octree->count - first, count = left < STRETCH ? left : STRETCH;
+    float *strengths = out_strengths + first;
     if (g->response != NULL) {
-      strength =
-          fum_emitter_irradiance(lamp, emitter, w.point) * g->response(g->response_user, (uint32_t)i, w.direction);
+      const float *const places[3] = {octree->x + first, octree->y + first, octree->z + first};
+      fum_emitter_irradiances(lamp, emitter, places, count, strengths);
+      g->response(g->response_user, emitter, first, count, strengths);
+    } else {
+      for (int64_t k = 0; k < count; k++)
+        strengths[k] = 1.0F / (float)lamp->sample_count;
     }
-    if (strength > 0.0F && meets_solids &&
-        fum_solids_occlude(g->solids, lamp->desc.shadow_sets, ray_start(g, i, w.point), w.direction, w.length)) {
-      strength *= 1.0F - g->solid_shadow_intensity;
-    }
-    out_strengths[i] = strength;
-    out_is_lit[i] = strength > 0.0F;
+    if (meets_solids) meet_solids(g, lamp, emitter, first, count, strengths);
+    for (int64_t k = 0; k < count; k++)
+      out_is_lit[first + k] = strengths[k] > 0.0F;
   }
 }
 
@@ -67,14 +76,37 @@ static int32_t find_depths(const fum_gathering *g, const fum_lamp *lamp, const f
   return FUM_OK;
 }
 
-int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], float *out_light) {
+/* Adds what arrives of a sample to those before; the first is written to fresh memory. */
+static void add_sample(const fum_gathering *g, bool is_first, const float *strengths, const uint8_t *is_lit,
+                       const float *depths, float *sums) {
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < g->receivers->octree->count; i++) {
+    const float own = is_lit[i] ? strengths[i] * expf(-depths[i]) : 0.0F;
+    sums[i] = is_first ? own : sums[i] + own;
+  }
+}
+
+static void color_sums(const fum_gathering *g, const float color[3], const float *sums, bool adds, float *out_rgb) {
+  const float red = color[0], green = color[1], blue = color[2];
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
+  for (int64_t i = 0; i < g->receivers->octree->count; i++) {
+    float *rgb = out_rgb + 3 * i;
+    rgb[0] = (adds ? rgb[0] : 0.0F) + red * sums[i];
+    rgb[1] = (adds ? rgb[1] : 0.0F) + green * sums[i];
+    rgb[2] = (adds ? rgb[2] : 0.0F) + blue * sums[i];
+  }
+}
+
+int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const float progress[2], bool adds,
+                         float *out_rgb) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
-  float *strengths = NULL, *depths = NULL;
+  float *strengths = NULL, *depths = NULL, *sums = NULL; /* a single sample's sums are its strengths, used up */
   uint8_t *is_lit = NULL;
   int32_t status = fum_alloc(context, count, sizeof *strengths, "lighting", &strengths);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *depths, "lighting", &depths);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_lit, "lighting", &is_lit);
+  if (status == FUM_OK && lamp->sample_count > 1) status = fum_alloc(context, count, sizeof *sums, "lighting", &sums);
   for (int32_t sample = 0; status == FUM_OK && sample < lamp->sample_count; sample++) {
     const float step = (progress[1] - progress[0]) / (float)lamp->sample_count;
     const float from = progress[0] + step * (float)sample;
@@ -85,12 +117,11 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     status = find_depths(g, lamp, &emitter, is_lit, (float[2]){from, from + step}, depths);
     if (status != FUM_OK) break;
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-    for (int64_t i = 0; i < count; i++) {
-      if (is_lit[i]) out_light[i] += strengths[i] * expf(-depths[i]);
-    }
+    add_sample(g, sample == 0, strengths, is_lit, depths, sums != NULL ? sums : strengths);
   }
+  if (status == FUM_OK) color_sums(g, lamp->color, sums != NULL ? sums : strengths, adds, out_rgb);
   fum_free(context, &is_lit);
+  fum_free(context, &sums);
   fum_free(context, &depths);
   fum_free(context, &strengths);
   return status;
@@ -151,20 +182,21 @@ typedef struct sums {
   float *sent, *arriving, *unblocked; /* irradiance sent, past smoke, past smoke and solids */
 } sums;
 
-static void add_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter, const float *depths,
-                       const sums *s) {
+static void weigh_sample(const fum_gathering *g, const fum_lamp *lamp, const fum_emitter *emitter, const float *depths,
+                         const sums *s) {
   const fum_octree *octree = g->receivers->octree;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
-    const way w = find_way(octree, i, emitter);
+    const fum_vec3 point = point_of(octree, i);
+    const fum_way way = fum_emitter_way(emitter, point);
     /* Outside of its beam a light has no weight of its own, but interpolation needs an optical depth there. */
-    const float sent = fmaxf(fum_emitter_irradiance(lamp, emitter, w.point), 1e-20F);
+    const float sent = fmaxf(fum_emitter_irradiance(lamp, emitter, point), 1e-20F);
     const float arriving = sent * expf(-fminf(depths[i], 40.0F));
     s->sent[i] += sent;
     s->arriving[i] += arriving;
     const bool is_blocked = lamp->desc.casts_shadows != 0 &&
-                            fum_solids_occlude(g->solids, lamp->desc.shadow_sets, w.point, w.direction, w.length);
+                            fum_solids_occlude(g->solids, lamp->desc.shadow_sets, point, way.direction, way.length);
     if (s->unblocked != NULL && !is_blocked) s->unblocked[i] += arriving;
   }
 }
@@ -201,7 +233,7 @@ int32_t fum_gather_depths(const fum_gathering *g, const fum_lamp *lamp, const fl
     const fum_emitter emitter = fum_lamp_sample(lamp, sample);
     status = find_depths(g, lamp, &emitter, is_lit, (float[2]){from, from + step}, out_depths);
     if (status != FUM_OK) goto done;
-    if (needs_sums) add_sample(g, lamp, &emitter, out_depths, &s);
+    if (needs_sums) weigh_sample(g, lamp, &emitter, out_depths, &s);
     status = fum_progress_report(context, FUM_STAGE_LIGHTING, from + step, "Lighting smoke");
     if (status != FUM_OK) goto done;
   }
@@ -232,7 +264,7 @@ static void find_peaks(const fum_gathering *g, const around *a) {
   const fum_octree *octree = g->receivers->octree;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
-    const fum_vec3 to_viewer = viewer_of(g, (fum_vec3){octree->x[i], octree->y[i], octree->z[i]});
+    const fum_vec3 to_viewer = viewer_of(g, point_of(octree, i));
     for (int32_t l = 0; l < a->lamp_count; l++) {
       const fum_lamp *lamp = &a->lamps[l];
       a->peaks[l * octree->count + i] =
@@ -251,7 +283,7 @@ static void add_part(const fum_gathering *g, const around *a, int32_t part, cons
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1024)
   for (int64_t i = 0; i < octree->count; i++) {
     if (fum_progress_in_loop(g->context, i, 1 << 14)) continue;
-    const fum_vec3 point = {octree->x[i], octree->y[i], octree->z[i]}, to_viewer = viewer_of(g, point);
+    const fum_vec3 point = point_of(octree, i), to_viewer = viewer_of(g, point);
     const float passing = expf(-fminf(found[i], 40.0F));
     const bool is_blocked = needs_rays && found[i] < dark &&
                             fum_solids_occlude(g->solids, a->lamps->desc.shadow_sets, point, direction, INFINITY);
@@ -273,7 +305,7 @@ static void average_around(const fum_gathering *g, const around *a, int32_t inde
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
   for (int64_t i = 0; i < octree->count; i++) {
     const int64_t at = index * octree->count + i;
-    const fum_vec3 to_viewer = viewer_of(g, (fum_vec3){octree->x[i], octree->y[i], octree->z[i]});
+    const fum_vec3 to_viewer = viewer_of(g, point_of(octree, i));
     float sent = 0.0F;
     for (int32_t part = 0; part < e->count; part++)
       sent += fum_sky_weight(e, part, lamp->channel, lamp->anisotropy, to_viewer, &a->peaks[at]);

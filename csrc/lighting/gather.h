@@ -7,8 +7,10 @@
 #include "lighting/solver.h"
 #include "solid/solid.h"
 
-/* What a receiver makes of light that comes from the unit direction `to_light`. */
-typedef float (*fum_response_fn)(const void *user, uint32_t receiver, fum_vec3 to_light);
+/* Turns what receivers from `first` on are sent by a sample of a light, irradiance [count], into what they make of it.
+ */
+typedef void (*fum_response_fn)(const void *user, const fum_emitter *emitter, int64_t first, int64_t count,
+                                float *strengths);
 
 /* Hears the optical depths that were found for a sample of a light, in receivers' order; only those that are lit count.
  */
@@ -31,7 +33,7 @@ typedef struct fum_gathering {
   const fum_media *media;
   const fum_solids *solids;     /* NULL: none */
   float solid_shadow_intensity; /* share of the light that solids block */
-  const fum_receivers *receivers;
+  fum_receivers *receivers;
   const fum_viewpoint *viewpoint; /* that particles, and light from all around, are seen from; NULL: points */
   fum_response_fn response;       /* NULL: the light's samples count alike whatever they send; out is a transmittance */
   const void *response_user;
@@ -39,13 +41,13 @@ typedef struct fum_gathering {
   void *listen_user;
 } fum_gathering;
 
-/* out_light[i] (receivers' order) += what arrives from the light, as a factor on its colour. */
-int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2],
-                         float *out_light);
+/* out_rgb [3 count], in receivers' order, is what arrives from the light; with `adds` that is added to it. */
+int32_t fum_gather_light(const fum_gathering *gathering, const fum_lamp *lamp, const float progress[2], bool adds,
+                         float *out_rgb);
 
-/* The same for surfaces, on which solids' shadows have sharp edges, and out_clear[i] += what would arrive without
- * smoke. Past solids a light with a size is seen as `fine_count` samples; smoke is soft, and asked for those of the
- * lamp. */
+/* For surfaces, on which solids' shadows have sharp edges: out_light[i] += what arrives, as a factor on the light's
+ * colour, and out_clear[i] += what would arrive without smoke. Past solids a light with a size is seen as `fine_count`
+ * samples; smoke is soft, and asked for those of the lamp. */
 int32_t fum_gather_on_surfaces(const fum_gathering *gathering, const fum_lamp *lamp, int32_t fine_count,
                                const float progress[2], float *out_light, float *out_clear);
 

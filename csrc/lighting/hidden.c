@@ -3,6 +3,7 @@
 
 #include "lighting/solver.h"
 #include "octree/bunch.h"
+#include "octree/sums.h"
 
 static int32_t coarse(int32_t samples) {
   return (samples + FUM_HIDDEN_STEP - 1) / FUM_HIDDEN_STEP;
@@ -48,11 +49,10 @@ static int32_t solve(fum_context *context, const fum_octree *octree, const fum_v
   const float rough = 0.01F; /* nobody sees these depths: they are compared with the limit */
   fum_solver solver = {.wanted = FUM_SOLVER_AUTOMATIC, .tolerance = rough, .is_careful = true};
   fum_medium medium = {.octree = octree, .sigma_scale = 1.0F, .depth_scale = 1.0F, .depth_limit = limit + 1.0F};
-  fum_receivers receivers = {0};
+  fum_receivers receivers = {.octree = points};
   float *depths = NULL;
   uint8_t *is_lit = NULL;
   int32_t status = fum_medium_begin(context, rough, &medium);
-  if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *depths, "hidden samples", &depths);
   if (status == FUM_OK) status = fum_alloc(context, points->count, sizeof *is_lit, "hidden samples", &is_lit);
   if (status != FUM_OK) goto done;
@@ -90,6 +90,7 @@ int32_t fum_hidden_find(fum_context *context, const fum_octree *octree, const fu
   place_points(view, slabs, &hidden, positions);
   status = fum_octree_build_points(context, octree->origin, count, positions, FUM_GROUP_SIZE, &points);
   if (status == FUM_OK) status = fum_octree_bunch(context, octree, &rough, &casters);
+  if (status == FUM_OK && casters != NULL) status = fum_octree_sum(context, casters);
   if (status == FUM_OK)
     status = solve(context, casters != NULL ? casters : octree, view, points, hidden.limit, hidden.depths);
   if (status != FUM_OK) goto done;

@@ -7,8 +7,8 @@
 #include "lighting/lamps.h"
 
 /* out_light [3 count] in receivers' order, for receivers whose octree holds the scene's particles: sum over lamps of
- * irradiance times phase function, W / (m^2 sr). `gathering` comes without a response. A light that has an entry
- * in `by_light` [light_count of lamps] goes there instead; NULL: none has. */
+ * irradiance times phase function, W / (m^2 sr). `gathering` comes without a response. A light that has an entry in
+ * `by_light` [light_count of lamps] goes there instead; NULL: none has. What no light shines on is left alone. */
 int32_t fum_inscatter(const fum_scene *scene, const fum_gathering *gathering, const fum_lamps *lamps,
                       const fum_viewpoint *viewpoint, float *const *by_light, float *out_light);
 

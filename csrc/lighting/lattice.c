@@ -233,12 +233,11 @@ int32_t fum_lattice_light(const fum_gathering *gathering, const fum_view *view, 
   fum_context *context = gathering->context;
   const double *origin = gathering->media->items[0].octree->origin;
   fum_gathering g = *gathering;
-  fum_receivers receivers = {0};
   fum_octree *points = NULL;
   lattice->lamp_count = lamps->count;
   int32_t status = allocate_values(&g, lattice);
   if (status == FUM_OK) status = place_samples(context, origin, view, slabs, lattice, &points);
-  if (status == FUM_OK) status = fum_receivers_group(context, points, &receivers);
+  fum_receivers receivers = {.octree = points};
   g.receivers = &receivers;
   if (status == FUM_OK) status = light_points(&g, points, lamps, lattice);
   for (int32_t l = 0; l < lamps->count && status == FUM_OK; l++) {

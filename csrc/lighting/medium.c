@@ -165,40 +165,21 @@ static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *me
   return status;
 }
 
-/* Optical depth times area of a leaf's particles over 2 pi, and that times their mean extinction times sigma. */
-static void weigh_leaf(const fum_medium *medium, const fum_octree_node *leaf, double out[2]) {
+/* Mean over the smoke of the extinction around a particle times its sigma, taken as even in each leaf. */
+static double find_thickness(const fum_medium *medium) {
   const fum_octree *octree = fum_medium_casters(medium);
-  double mass = 0.0, sigmas = 0.0, volume = 1.0;
-  for (uint32_t i = leaf->begin; i < leaf->begin + leaf->count; i++) {
-    const double sigma = (double)medium->sigma_scale / (double)octree->inverse_sigmas[i];
-    mass += (double)octree->optical_depths[i] * (double)medium->depth_scale * sigma * sigma;
-    sigmas += sigma;
-  }
-  /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
-  for (int axis = 0; axis < 3; axis++)
-    volume *= (double)leaf->upper[axis] - (double)leaf->lower[axis] + FUM_SQRT_2PI * sigmas / leaf->count;
-  out[0] = mass;
-  out[1] = mass * 2.0 * FUM_PI * mass / volume * sigmas / leaf->count;
-}
-
-/* In blocks of nodes, whatever the number of threads: sums must not depend on it. */
-static double find_thickness(fum_context *context, const fum_medium *medium) {
-  enum { BLOCKS = 256 };
-  const fum_octree *octree = fum_medium_casters(medium);
-  double blocks[BLOCKS][2] = {{0.0}}, mass = 0.0, weighed = 0.0;
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t b = 0; b < BLOCKS; b++) {
-    for (int64_t i = octree->node_count * b / BLOCKS; i < octree->node_count * (b + 1) / BLOCKS; i++) {
-      double leaf[2];
-      if (octree->nodes[i].children != 0) continue;
-      weigh_leaf(medium, &octree->nodes[i], leaf);
-      blocks[b][0] += leaf[0];
-      blocks[b][1] += leaf[1];
-    }
-  }
-  for (int b = 0; b < BLOCKS; b++) {
-    mass += blocks[b][0];
-    weighed += blocks[b][1];
+  const double scale = (double)medium->sigma_scale, per_mass = (double)medium->depth_scale * scale * scale;
+  double mass = 0.0, weighed = 0.0;
+  for (int64_t i = 0; i < octree->node_count; i++) {
+    const fum_octree_node *leaf = &octree->nodes[i];
+    const double own = octree->sums[i].mass * per_mass, sigma = octree->sums[i].sigma * scale / leaf->count;
+    double volume = 1.0;
+    if (leaf->children != 0) continue;
+    /* A single Gaussian fills sqrt(2 pi) sigma along each axis at its peak extinction. */
+    for (int axis = 0; axis < 3; axis++)
+      volume *= (double)leaf->upper[axis] - (double)leaf->lower[axis] + FUM_SQRT_2PI * sigma;
+    mass += own;
+    weighed += own * 2.0 * FUM_PI * own / volume * sigma;
   }
   return mass > 0.0 ? weighed / mass : 0.0;
 }
@@ -207,7 +188,7 @@ int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_me
   const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
   medium->error = transmittance_error;
   const int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
-  if (status == FUM_OK) medium->thickness = find_thickness(context, medium);
+  if (status == FUM_OK) medium->thickness = find_thickness(medium);
   return status;
 }
 

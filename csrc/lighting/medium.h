@@ -31,8 +31,8 @@ static inline const fum_octree *fum_medium_casters(const fum_medium *medium) {
   return medium->merged != NULL ? medium->merged : medium->octree;
 }
 
-/* Merges close particles of a medium whose octree, scales and limit are set. `transmittance_error` is what may be lost
- * by not hearing far particles, and half as much again by merging. */
+/* Merges close particles of a medium whose octree (with its sums), scales and limit are set. `transmittance_error` is
+ * what may be lost by not hearing far particles, and half as much again by merging. */
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium);
 
 /* Lays out the runs, unless they are there. */

@@ -34,9 +34,11 @@ static int compare_begins(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_receivers *out_receivers) {
+int32_t fum_receivers_group(fum_context *context, fum_receivers *receivers) {
+  const fum_octree *octree = receivers->octree;
   uint8_t *is_covered = NULL;
   uint32_t *begins = NULL;
+  if (receivers->group_begins != NULL) return FUM_OK;
   int32_t status = fum_alloc(context, octree->node_count, sizeof *is_covered, "groups of receivers", &is_covered);
   if (status != FUM_OK) goto done;
   const int64_t count = count_groups(octree, is_covered);
@@ -51,7 +53,8 @@ int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_
   }
   qsort(begins, (size_t)count, sizeof *begins, compare_begins);
   begins[count] = (uint32_t)octree->count;
-  *out_receivers = (fum_receivers){.octree = octree, .group_count = count, .group_begins = begins};
+  receivers->group_count = count;
+  receivers->group_begins = begins;
   begins = NULL;
 done:
   fum_free(context, &begins);

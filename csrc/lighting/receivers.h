@@ -10,10 +10,11 @@ enum { FUM_GROUP_SIZE = 64 };
 typedef struct fum_receivers {
   const fum_octree *octree; /* borrowed: the points in Morton order */
   int64_t group_count;
-  uint32_t *group_begins; /* [group_count + 1] at most FUM_GROUP_SIZE points each */
+  uint32_t *group_begins; /* [group_count + 1] at most FUM_GROUP_SIZE points each; NULL: not known yet */
 } fum_receivers;
 
-int32_t fum_receivers_group(fum_context *context, const fum_octree *octree, fum_receivers *out_receivers);
+/* Finds the groups, unless they are known. */
+int32_t fum_receivers_group(fum_context *context, fum_receivers *receivers);
 void fum_receivers_free(fum_context *context, fum_receivers *receivers);
 
 #endif

@@ -42,7 +42,7 @@ static int32_t bunch(fum_context *context, fum_solver *solver, fum_medium *mediu
   return status;
 }
 
-int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
+int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, fum_receivers *receivers,
                          const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2],
                          float *out_depths) {
   const double most_us = affordable_us(solver, medium, receivers);

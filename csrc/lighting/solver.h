@@ -15,7 +15,7 @@ typedef struct fum_solver {
 
 /* As fum_exact_solve, by what is wanted; automatic: by what is predicted to be faster. What a sweep can't do is solved
  * exactly, whatever is wanted. */
-int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, const fum_receivers *receivers,
+int32_t fum_solver_solve(fum_context *context, fum_solver *solver, fum_medium *medium, fum_receivers *receivers,
                          const fum_emitter *emitter, const uint8_t *is_lit, const float progress[2], float *out_depths);
 
 /* After the meter has said no: if the choice was free and a sweep was taken, takes back the counts, has everything

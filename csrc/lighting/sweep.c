@@ -248,6 +248,7 @@ int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const 
   if (count == 0) goto done;
   status = fum_sweep_near_plan(context, task, &view, &near);
   if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &view, &near, count)) goto done;
+#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < task->receivers->octree->count; i++) {
     if (task->is_lit[i]) out_depths[i] = 0.0F;
   }

@@ -54,7 +54,7 @@ enum { FUM_SWEEP_MOST_LEVELS = 12 };
 /* What is to be solved. */
 typedef struct fum_sweep_task {
   const fum_medium *medium;
-  const fum_receivers *receivers;
+  fum_receivers *receivers;
   const fum_emitter *emitter;
   const uint8_t *is_lit; /* in receivers' order */
   double affordable_us;  /* predicted time, on all threads together, that it may take; INFINITY: whatever it takes */

@@ -191,13 +191,12 @@ int32_t fum_sweep_near_solve(fum_context *context, const fum_sweep_task *task, c
   if (view->vicinity.count == 0) return FUM_OK;
   int32_t status = pick_near(context, fum_medium_casters(task->medium), view, &picked);
   if (status != FUM_OK) return status;
-  fum_medium medium = *task->medium;
-  medium.octree = picked;
-  medium.merged = NULL; /* they are merged already */
-  medium.runs = NULL;
-  medium.spheres = (fum_spheres){0};
-  medium.first_runs = NULL;
-  medium.reaches = NULL;
+  const fum_medium *all = task->medium;
+  fum_medium medium = {.octree = picked, /* merged already */
+                       .sigma_scale = all->sigma_scale,
+                       .depth_scale = all->depth_scale,
+                       .depth_limit = all->depth_limit,
+                       .error = all->error};
   if (near->side > 0)
     status = solve_beyond(context, task, view, near, &medium, (float[2]){progress[0], middle}, depths);
   if (status == FUM_OK)

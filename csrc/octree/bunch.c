@@ -19,54 +19,16 @@ typedef struct cutting {
   bool is_cut;                  /* false: its particles stay as they are */
 } cutting;
 
-/* How wide a node's particles are. */
-typedef struct widths {
-  float most_inverse;       /* 1 / sigma of the narrowest... */
-  float least_inverse;      /* ...and of the widest */
-  double depth, area_depth; /* sums of optical depth, and of that times sigma^2 */
-} widths;
-
 /* Sigma that cells go by: of the mean curvature of what the particles are in sum, which the few narrowest among wide
  * ones hardly matter to; but these mustn't be lost either. */
-static float inverse_sigma_of(const widths *w) {
+static float inverse_sigma_of(const fum_node_sums *sums) {
   const float most_ratio = 1.5F;
-  const float inverse = w->area_depth > 0.0 ? (float)sqrt(w->depth / w->area_depth) : 0.0F;
-  return fmaxf(inverse, w->most_inverse / most_ratio);
-}
-
-static widths find_widths(const fum_octree *octree, const fum_octree_node *leaf) {
-  widths w = {.least_inverse = INFINITY};
-  for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++) {
-    const float inverse = octree->inverse_sigmas[p], depth = octree->optical_depths[p];
-    w.most_inverse = w.most_inverse > inverse ? w.most_inverse : inverse;
-    w.least_inverse = w.least_inverse < inverse ? w.least_inverse : inverse;
-    w.depth += (double)depth;
-    w.area_depth += (double)(depth / (inverse * inverse));
-  }
-  return w;
-}
-
-static void find_all_widths(fum_context *context, const fum_octree *octree, widths *out) {
-#pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
-  for (int64_t i = 0; i < octree->node_count; i++) {
-    if (octree->nodes[i].children == 0) out[i] = find_widths(octree, &octree->nodes[i]);
-  }
-  for (int64_t i = octree->node_count - 1; i >= 0; i--) {
-    if (octree->nodes[i].children == 0) continue;
-    out[i] = (widths){.least_inverse = INFINITY};
-    const int children = __builtin_popcount(octree->nodes[i].octants);
-    for (int c = 0; c < children; c++) {
-      const widths *child = &out[octree->nodes[i].children + (uint32_t)c];
-      out[i].most_inverse = fmaxf(out[i].most_inverse, child->most_inverse);
-      out[i].least_inverse = fminf(out[i].least_inverse, child->least_inverse);
-      out[i].depth += child->depth;
-      out[i].area_depth += child->area_depth;
-    }
-  }
+  const float inverse = sums->mass > 0.0 ? (float)sqrt(sums->depth / sums->mass) : 0.0F;
+  return fmaxf(inverse, sums->most_inverse / most_ratio);
 }
 
 /* Do all of a node's particles look as wide as the camera asks for? */
-static bool is_sighted(const fum_octree_node *node, const widths *w, const fum_bunch_sight *sight) {
+static bool is_sighted(const fum_octree_node *node, const fum_node_sums *sums, const fum_bunch_sight *sight) {
   float near, far;
   if (sight == NULL) return true;
   near = far = sight->depth[3];
@@ -75,12 +37,12 @@ static bool is_sighted(const fum_octree_node *node, const widths *w, const fum_b
     near += fminf(lower, upper);
     far += fmaxf(lower, upper);
   }
-  return sight->least * far * w->most_inverse <= 1.0F && sight->most * near * w->least_inverse >= 1.0F;
+  return sight->least * far * sums->most_inverse <= 1.0F && sight->most * near * sums->least_inverse >= 1.0F;
 }
 
-static cutting cut(const fum_octree_node *node, const widths *w, const fum_bunch_options *options) {
-  cutting c = {.is_cut = node->count > 1 && is_sighted(node, w, options->sight),
-               .per_metre = inverse_sigma_of(w) / options->sigma_scale,
+static cutting cut(const fum_octree_node *node, const fum_node_sums *sums, const fum_bunch_options *options) {
+  cutting c = {.is_cut = node->count > 1 && is_sighted(node, sums, options->sight),
+               .per_metre = inverse_sigma_of(sums) / options->sigma_scale,
                .sigma_scale = options->sigma_scale};
   for (int axis = 0; axis < 3; axis++) {
     const float extent = node->upper[axis] - node->lower[axis];
@@ -94,18 +56,17 @@ static cutting cut(const fum_octree_node *node, const widths *w, const fum_bunch
   return c;
 }
 
-/* The nodes down to those that can be cut: the more cells in one, the closer to `side` they come out. `places` is
- * scratch; `of_nodes` move with them. Returns how many they are. */
-static int64_t prune(const fum_octree *octree, const fum_bunch_options *options, uint32_t *places, widths *of_nodes,
+/* The nodes down to those that can be cut: the more cells in one, the closer to `side` they come out. `places` are
+ * those that they had. Returns how many they are. */
+static int64_t prune(const fum_octree *octree, const fum_bunch_options *options, uint32_t *places,
                      fum_octree_node *out) {
   int64_t count = octree->node_count > 0 ? 1 : 0;
   places[0] = 0;
   for (int64_t next = 0; next < count; next++) {
     const uint32_t i = places[next];
     out[next] = octree->nodes[i];
-    of_nodes[next] = of_nodes[i];
     if (octree->nodes[i].children == 0) continue;
-    if (cut(&out[next], &of_nodes[next], options).is_cut) {
+    if (cut(&out[next], &octree->sums[i], options).is_cut) {
       out[next].children = 0;
       out[next].octants = 0;
       continue;
@@ -210,9 +171,9 @@ static void fill_leaf(const fum_octree *octree, const fum_octree_node *leaf, con
 /* What is needed on the way. */
 typedef struct bunching {
   fum_octree pruned; /* the octree's particles in fewer nodes, which are owned */
-  widths *of_nodes;  /* [node_count], as are those below */
-  uint32_t *places, *counts;
-  uint16_t *cells; /* [particles] */
+  uint32_t *places;  /* [node_count + 1] these nodes' in the octree */
+  uint32_t *counts;  /* [node_count] */
+  uint16_t *cells;   /* [particles] */
 } bunching;
 
 static int32_t begin_bunching(fum_context *context, const fum_octree *octree, bunching *out) {
@@ -220,7 +181,6 @@ static int32_t begin_bunching(fum_context *context, const fum_octree *octree, bu
   out->pruned = *octree;
   out->pruned.nodes = NULL;
   int32_t status = fum_alloc(context, nodes, sizeof *octree->nodes, WHAT, &out->pruned.nodes);
-  if (status == FUM_OK) status = fum_alloc(context, nodes, sizeof *out->of_nodes, WHAT, &out->of_nodes);
   if (status == FUM_OK) status = fum_alloc(context, nodes + 1, sizeof *out->places, WHAT, &out->places);
   if (status == FUM_OK) status = fum_alloc(context, nodes, sizeof *out->counts, WHAT, &out->counts);
   if (status == FUM_OK) status = fum_alloc(context, octree->count, sizeof *out->cells, WHAT, &out->cells);
@@ -231,7 +191,6 @@ static void end_bunching(fum_context *context, bunching *b) {
   fum_free(context, &b->cells);
   fum_free(context, &b->counts);
   fum_free(context, &b->places);
-  fum_free(context, &b->of_nodes);
   fum_free(context, &b->pruned.nodes);
 }
 
@@ -241,7 +200,7 @@ static int64_t count_all(fum_context *context, const fum_bunch_options *options,
   for (int64_t i = 0; i < b->pruned.node_count; i++) {
     const fum_octree_node *node = &b->pruned.nodes[i];
     if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
-    const cutting c = cut(node, &b->of_nodes[i], options);
+    const cutting c = cut(node, &b->pruned.sums[b->places[i]], options);
     b->counts[i] = find_cells(&b->pruned, node, &c, b->cells + node->begin);
     count += b->counts[i];
   }
@@ -253,7 +212,7 @@ static void fill_all(fum_context *context, const fum_bunch_options *options, con
   for (int64_t i = 0; i < b->pruned.node_count; i++) {
     const fum_octree_node *node = &b->pruned.nodes[i];
     if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
-    const cutting c = cut(node, &b->of_nodes[i], options);
+    const cutting c = cut(node, &b->pruned.sums[b->places[i]], options);
     fill_leaf(&b->pruned, node, &c, b->cells + node->begin, out->nodes[i].begin, out);
   }
 }
@@ -264,8 +223,7 @@ int32_t fum_octree_bunch(fum_context *context, const fum_octree *octree, const f
   fum_octree *bunched = NULL;
   int32_t status = begin_bunching(context, octree, &b);
   if (status != FUM_OK) goto done;
-  find_all_widths(context, octree, b.of_nodes);
-  b.pruned.node_count = prune(octree, options, b.places, b.of_nodes, b.pruned.nodes);
+  b.pruned.node_count = prune(octree, options, b.places, b.pruned.nodes);
   const int64_t count = count_all(context, options, &b);
   if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
   if (status != FUM_OK || (double)count > (double)options->most_left * (double)octree->count) goto done;

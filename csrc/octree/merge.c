@@ -3,6 +3,7 @@
 
 #include "base/vector.h"
 #include "octree/neighbours.h"
+#include "octree/sums.h"
 #include "octree/thin.h"
 
 #include <math.h>
@@ -120,20 +121,20 @@ static uint32_t merge_range(const merging *m, const uint32_t *particles, uint32_
 }
 
 /* Could two neighbours of the leaf be as close as this many sigmas? If not, nothing there is merged. */
-static bool is_close(const merging *m, const fum_octree_node *leaf) {
+static bool is_close(const merging *m, int64_t node) {
   const double sigmas = 0.7;
+  const fum_octree_node *leaf = &m->octree->nodes[node];
   double longest = 0.0;
-  float least_inverse = INFINITY;
   for (int axis = 0; axis < 3; axis++)
     longest = fmax(longest, (double)leaf->upper[axis] - (double)leaf->lower[axis]);
-  for (uint32_t p = leaf->begin; p < leaf->begin + leaf->count; p++)
-    least_inverse = fum_min(least_inverse, m->octree->inverse_sigmas[p]);
-  return leaf->count > 1 && longest * cbrt(2.0 / (double)leaf->count) * (double)least_inverse < sigmas * m->sigma_scale;
+  return leaf->count > 1 && longest * cbrt(2.0 / (double)leaf->count) * (double)m->octree->sums[node].least_inverse <
+                                sigmas * m->sigma_scale;
 }
 
-static void merge_leaf(const merging *m, const fum_octree_node *leaf, uint32_t *out_count) {
+static void merge_leaf(const merging *m, int64_t node, uint32_t *out_count) {
+  const fum_octree_node *leaf = &m->octree->nodes[node];
   uint32_t *particles = m->order + leaf->begin;
-  if (!is_close(m, leaf)) {
+  if (!is_close(m, node)) {
     fum_octree_copy(m->octree, leaf->begin, leaf->count, m->loose, leaf->begin);
     *out_count = leaf->count;
     return;
@@ -151,7 +152,7 @@ static bool is_worthwhile(fum_context *context, const merging *m) {
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static) reduction(+ : close)
   for (int64_t i = 0; i < octree->node_count; i++) {
     const fum_octree_node *node = &octree->nodes[i];
-    if (node->children == 0 && is_close(m, node)) close += node->count;
+    if (node->children == 0 && is_close(m, i)) close += node->count;
   }
   return close > octree->count / 10;
 }
@@ -162,7 +163,7 @@ static int32_t merge_leaves(fum_context *context, const merging *m, int64_t *out
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 256) reduction(+ : count)
   for (int64_t i = 0; i < octree->node_count; i++) {
     if (fum_progress_in_loop(context, i, 1 << 10) || octree->nodes[i].children != 0) continue;
-    merge_leaf(m, &octree->nodes[i], &m->counts[i]);
+    merge_leaf(m, i, &m->counts[i]);
     count += m->counts[i];
   }
   *out_count = count;
@@ -177,7 +178,7 @@ static int32_t close_gaps(fum_context *context, const merging *m, fum_octree **o
     if (node->children == 0)
       fum_octree_copy(m->loose, m->octree->nodes[i].begin, node->count, *out_merged, node->begin);
   }
-  return FUM_OK;
+  return fum_octree_sum(context, *out_merged);
 }
 
 int32_t fum_octree_merge(fum_context *context, const fum_octree *octree, const fum_merge_options *options,

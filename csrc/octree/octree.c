@@ -5,6 +5,7 @@
 
 #include "base/vector.h"
 #include "octree/order.h"
+#include "octree/sums.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -44,6 +45,7 @@ void fum_octree_destroy(fum_context *context, fum_octree *octree) {
   fum_free(context, &octree->optical_depths);
   fum_free(context, &octree->stretches);
   fum_free(context, &octree->nodes);
+  fum_free(context, &octree->sums);
   free(octree);
 }
 
@@ -208,6 +210,8 @@ static int32_t build(fum_context *context, const double origin[3], const fum_sou
   if (status == FUM_OK) status = build_nodes(context, &d, octree);
   if (status != FUM_OK) goto done;
   bound_nodes(context, octree);
+  if (source->scene != NULL) status = fum_octree_sum(context, octree);
+  if (status != FUM_OK) goto done;
   *out_octree = octree;
   octree = NULL;
 done:

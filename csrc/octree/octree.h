@@ -14,6 +14,12 @@ typedef struct fum_octree_node {
   uint8_t octants;          /* bit o is set: there is a child in octant o (x is bit 0) */
 } fum_octree_node;
 
+/* What a node's particles are together. */
+typedef struct fum_node_sums {
+  float least_inverse, most_inverse; /* 1 / sigma of the widest and of the narrowest, 1/m */
+  double depth, mass, sigma;         /* of optical depths, of those times sigma^2 (m^2), and of sigmas (m) */
+} fum_node_sums;
+
 /* Float arrays have this many readable entries behind their last, so that vector loads may run over. */
 enum { FUM_OCTREE_PAD = 16 };
 
@@ -32,6 +38,8 @@ typedef struct fum_octree {
                      sigma^2 in all directions, m^2: xx, yy, xy, xz, yz; zz is -(xx + yy). NULL: all are round */
   int64_t node_count;
   fum_octree_node *nodes; /* node 0 is the root; a child comes after its parent; none if there are no particles */
+  fum_node_sums *sums;    /* [node_count] of an octree that was built for particles, or for which fum_octree_sum found
+                             them; else NULL */
 } fum_octree;
 
 /* How many particles the one at a place stands for. */
