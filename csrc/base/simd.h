@@ -37,6 +37,26 @@ static inline void fum_quad_stream_end(void) {
 #endif
 }
 
+static inline fum_quad fum_quad_min(fum_quad a, fum_quad b) {
+#if defined(__x86_64__)
+  return (fum_quad)_mm_min_ps((__m128)a, (__m128)b);
+#else
+  for (int k = 0; k < 4; k++)
+    a[k] = b[k] < a[k] ? b[k] : a[k];
+  return a;
+#endif
+}
+
+static inline fum_quad fum_quad_max(fum_quad a, fum_quad b) {
+#if defined(__x86_64__)
+  return (fum_quad)_mm_max_ps((__m128)a, (__m128)b);
+#else
+  for (int k = 0; k < 4; k++)
+    a[k] = b[k] > a[k] ? b[k] : a[k];
+  return a;
+#endif
+}
+
 /* rows[i][k] becomes rows[k][i]. */
 static inline void fum_quad_transpose(fum_quad rows[4]) {
   const fum_quad a = __builtin_shufflevector(rows[0], rows[1], 0, 4, 1, 5);
@@ -47,6 +67,28 @@ static inline void fum_quad_transpose(fum_quad rows[4]) {
   rows[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
   rows[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
   rows[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+
+/* Sum over i, j and k of x[i] y[j] z[k] rows[j][4 i + k]. */
+static inline float fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, const float *const rows[4]) {
+  typedef float quads __attribute__((vector_size(64)));
+  quads sum = {0.0F}, row;
+  for (int j = 0; j < 4; j++) {
+    memcpy(&row, rows[j], sizeof row);
+    sum += y[j] * row;
+  }
+#if defined(__AVX512F__) /* compilers widen quads on ways through memory */
+  const __m512i each = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  sum *= (quads)_mm512_permutexvar_ps(each, _mm512_castps128_ps512((__m128)x));
+  sum *= (quads)_mm512_broadcast_f32x4((__m128)z);
+#else
+  sum *= __builtin_shufflevector(x, x, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  sum *= __builtin_shufflevector(z, z, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+#endif
+  const fum_quad four =
+      (__builtin_shufflevector(sum, sum, 0, 1, 2, 3) + __builtin_shufflevector(sum, sum, 8, 9, 10, 11)) +
+      (__builtin_shufflevector(sum, sum, 4, 5, 6, 7) + __builtin_shufflevector(sum, sum, 12, 13, 14, 15));
+  return (four[0] + four[2]) + (four[1] + four[3]);
 }
 
 static inline fum_vf fum_vf_set(float value) {

@@ -166,7 +166,7 @@ static int32_t allocate_runs(fum_context *context, int64_t count, fum_medium *me
 }
 
 /* Mean over the smoke of the extinction around a particle times its sigma, taken as even in each leaf. */
-static double find_thickness(const fum_medium *medium) {
+static void weigh(fum_medium *medium) {
   const fum_octree *octree = fum_medium_casters(medium);
   const double scale = (double)medium->sigma_scale, per_mass = (double)medium->depth_scale * scale * scale;
   double mass = 0.0, weighed = 0.0;
@@ -181,14 +181,15 @@ static double find_thickness(const fum_medium *medium) {
     mass += own;
     weighed += own * 2.0 * FUM_PI * own / volume * sigma;
   }
-  return mass > 0.0 ? weighed / mass : 0.0;
+  medium->mass = mass;
+  medium->thickness = mass > 0.0 ? weighed / mass : 0.0;
 }
 
 int32_t fum_medium_begin(fum_context *context, float transmittance_error, fum_medium *medium) {
   const fum_merge_options merging = {medium->sigma_scale, medium->depth_scale, 0.5F * transmittance_error};
   medium->error = transmittance_error;
   const int32_t status = fum_octree_merge(context, medium->octree, &merging, &medium->merged);
-  if (status == FUM_OK) medium->thickness = find_thickness(medium);
+  if (status == FUM_OK) weigh(medium);
   return status;
 }
 

@@ -18,6 +18,7 @@ typedef struct fum_medium {
   float sigma_scale;        /* intersection test size */
   float depth_scale;        /* shadowing density times sigma_scale: a wider particle of the same density is thicker */
   float depth_limit;        /* optical depth above which a receiver counts as dark: the walk ends early */
+  double mass;              /* sum of optical depths times sigma^2 over the casters, scales included, m^2 */
   double thickness;         /* extinction times sigma, mean over the smoke */
   float error;              /* of the transmittance, that what is left out may cause */
   fum_run *runs;            /* NULL: not laid out yet */

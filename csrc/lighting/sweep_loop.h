@@ -11,6 +11,9 @@
 /* Casters and receivers are fetched from memory so many before they are needed: their order is not that of memory. */
 enum { AHEAD = 8 };
 
+/* Receivers that may be looked at behind the last one. */
+enum { BEHIND = AHEAD + FUM_LANES };
+
 /* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
  * faces are open at once; two slabs are worked on at a time. */
 enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH };
@@ -163,7 +166,7 @@ static void sort_receivers(int64_t count, const spot *spots, int32_t slab_count,
   begin_slabs(slab_count, begins);
   for (int64_t i = 0; i < count; i++)
     out[begins[turn_of(&spots[i]) + 1]++] = spots[i];
-  memset(out + count, 0, AHEAD * sizeof *out);
+  memset(out + count, 0, BEHIND * sizeof *out);
 }
 
 /* Opens BATCH faces more, behind all casters so far, in the place of the first ones. */
@@ -192,12 +195,8 @@ static void read_receivers(const patch *p, const contents *c, int32_t slab) {
   const uint32_t from = c->receiver_begins[slab], to = c->receiver_begins[slab + 1];
   if (from == to) return;
   take_faces(p, slab - 2, find_area(p, c->receivers + from, to - from));
-  for (uint32_t k = from; k < to; k++) {
-    float *sum = &p->job->depths[c->receivers[k].index];
-    __builtin_prefetch(&p->job->depths[c->receivers[k + AHEAD].index]);
-    const float depth = read_depth(p, &c->receivers[k], slab - 1);
-    *sum += depth > 0.0F ? depth : 0.0F;
-  }
+  for (uint32_t k = from; k < to; k += FUM_LANES)
+    read_depths(p, c->receivers + k, to - k, slab - 1);
 }
 
 /* From the light outwards: casters are added at the first slab that they reach into; receivers are read while the face
@@ -226,22 +225,36 @@ static int64_t count_points(const fum_octree *octree, const uint32_t *leaves, in
   return count;
 }
 
+/* Points of leaves that lie one after the other. */
+typedef struct stretch {
+  int64_t begin, end;
+} stretch;
+
+/* The stretch from leaf `*next` of a list on; moves that behind it. */
+static stretch take_stretch(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count, int64_t *next) {
+  const fum_octree_node *leaf = &octree->nodes[leaves[(*next)++]];
+  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count};
+  while (*next < leaf_count && octree->nodes[leaves[*next]].begin == s.end)
+    s.end += octree->nodes[leaves[(*next)++]].count;
+  return s;
+}
+
 static int64_t take_casters(const patch *p, const uint32_t *leaves, int64_t leaf_count, footprint *out) {
   int64_t found = 0;
-  for (int64_t k = 0; k < leaf_count; k++) {
-    const fum_octree_node *leaf = &p->job->casters->nodes[leaves[k]];
-    for (int64_t i = 0; i < leaf->count; i += FUM_LANES)
-      found += find_footprints(p, leaf->begin + i, leaf->count - i, out + found);
+  for (int64_t next = 0; next < leaf_count;) {
+    const stretch s = take_stretch(p->job->casters, leaves, leaf_count, &next);
+    for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
+      found += find_footprints(p, i, s.end - i, out + found);
   }
   return found;
 }
 
 static int64_t take_receivers(const patch *p, const uint32_t *leaves, int64_t leaf_count, spot *out) {
   int64_t found = 0;
-  for (int64_t k = 0; k < leaf_count; k++) {
-    const fum_octree_node *leaf = &p->job->points->nodes[leaves[k]];
-    for (int64_t i = 0; i < leaf->count; i += FUM_LANES)
-      found += find_spots(p, leaf->begin + i, leaf->count - i, out + found);
+  for (int64_t next = 0; next < leaf_count;) {
+    const stretch s = take_stretch(p->job->points, leaves, leaf_count, &next);
+    for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
+      found += find_spots(p, i, s.end - i, out + found);
   }
   return found;
 }
@@ -277,7 +290,7 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   uint32_t *caster_begins = reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins);
   uint32_t *order = reserve(scratch, FUM_SWEEP_CASTER_ORDER, (casters + AHEAD) * (int64_t)sizeof *order);
   uint32_t *receiver_begins = reserve(scratch, FUM_SWEEP_RECEIVER_BEGINS, begins);
-  spot *sorted = reserve(scratch, FUM_SWEEP_RECEIVERS, (receivers + AHEAD) * (int64_t)sizeof *sorted);
+  spot *sorted = reserve(scratch, FUM_SWEEP_RECEIVERS, (receivers + BEHIND) * (int64_t)sizeof *sorted);
   if (scratch->is_out_of_memory) return;
   sort_casters(casters, footprints, slab_count, caster_begins, order);
   sort_receivers(receivers, spots, slab_count, receiver_begins, sorted);

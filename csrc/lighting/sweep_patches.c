@@ -111,8 +111,7 @@ static float reach_of(const sorting *s, const fum_octree_node *leaf) {
     const float seen = s->view->sigmas[i];
     if (!(seen > 0.0F && seen >= level->smallest && seen < level->largest)) continue;
     const float sigma = s->sigma_scale / s->casters->inverse_sigmas[i];
-    const float widest = (float)fum_sweep_widest(s->casters, (double)sigma, i);
-    reach = fum_max(reach, widest * s->view->reach + sigma * 2.1F * level->cell / seen);
+    reach = fum_max(reach, s->view->widest[i] * s->view->reach + sigma * 2.1F * level->cell / seen);
   }
   return reach;
 }

@@ -192,8 +192,35 @@ static inline fum_vi are_in_patch(const patch *p, int axis, fum_vf at) {
          (place == count - 1 ? ~(fum_vi){0} : is_before);
 }
 
-/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most. Returns how many. Whatever
- * patch asks, the same is found: each is in one. */
+/* Spots side by side. */
+static inline void put_spots(fum_vf column, fum_vf row, fum_vf range, int64_t first, spot out[FUM_LANES]) {
+  float values[3][FUM_LANES];
+  fum_vf_store(values[0], column);
+  fum_vf_store(values[1], row);
+  fum_vf_store(values[2], range);
+  for (int32_t k = 0; k < FUM_LANES; k += 4) {
+    const uint32_t index = (uint32_t)(first + k), indices[4] = {index, index + 1, index + 2, index + 3};
+    fum_quad rows[4];
+    for (int32_t r = 0; r < 3; r++)
+      memcpy(&rows[r], values[r] + k, sizeof *rows);
+    memcpy(&rows[3], indices, sizeof *rows);
+    fum_quad_transpose(rows);
+    memcpy(out + k, rows, sizeof rows);
+  }
+}
+
+/* Bits of those among `count` that are lit, FUM_LANES at most. */
+static uint32_t find_lit(const uint8_t *is_lit, int64_t count) {
+  static const uint8_t all[16] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
+  if (count >= FUM_LANES && memcmp(is_lit, all, FUM_LANES) == 0) return bits_below(FUM_LANES);
+  uint32_t bits = 0;
+  for (int32_t k = 0; k < FUM_LANES && k < count; k++)
+    bits |= (uint32_t)(is_lit[k] != 0) << k;
+  return bits;
+}
+
+/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most, for which there is room.
+ * Returns how many. Whatever patch asks, the same is found: each is in one. */
 static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *out) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_face *face = &view->faces[p->face];
@@ -201,21 +228,24 @@ static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *ou
   const fum_vf x = dot(q.x, q.y, q.z, face->right) + face->offset[0];
   const fum_vf y = dot(q.x, q.y, q.z, face->up) + face->offset[1];
   const fum_vf z = dot(q.x, q.y, q.z, face->axis) + face->offset[2];
-  const fum_vf depth = view->is_parallel ? fum_vf_set(1.0F) : z;
-  fum_vi is_here = are_in_patch(p, 0, x / depth) & are_in_patch(p, 1, y / depth) & (depth > 0.0F);
+  const fum_vf per_depth = view->is_parallel ? fum_vf_set(1.0F) : 1.0F / z;
+  fum_vi is_here = are_in_patch(p, 0, x * per_depth) & are_in_patch(p, 1, y * per_depth) & (per_depth > 0.0F);
   if (view->face_count > 1) is_here &= are_on_face(p, &q);
   if (!view->is_parallel) is_here &= x * x + y * y + z * z >= (float)(p->job->level->begin * p->job->level->begin);
-  uint32_t taken = fum_vi_bits(is_here) & bits_below(count);
+  const uint32_t taken = fum_vi_bits(is_here) & find_lit(p->job->is_lit + first, count);
   if (taken == 0) return 0;
   const float per_cell = 1.0F / p->job->level->cell, last = (float)(p->job->level->slab_count - 2);
   const places at = find_places(p, &q);
   const fum_vf column = (at.u - p->lower[0]) * per_cell, row = (at.v - p->lower[1]) * per_cell;
-  const fum_vf range = fum_vf_at_least(at.range, 1.0F);
-  int32_t found = 0;
-  for (; taken != 0; taken &= taken - 1) {
-    const int k = __builtin_ctz(taken);
-    if (!p->job->is_lit[first + k]) continue;
-    out[found++] = (spot){column[k], row[k], range[k] < last ? range[k] : last, (uint32_t)(first + k)};
+  const fum_vf range = fum_vf_min(fum_vf_at_least(at.range, 1.0F), fum_vf_set(last));
+  if (taken == bits_below(FUM_LANES)) {
+    put_spots(column, row, range, first, out);
+    return FUM_LANES;
   }
+  spot here[FUM_LANES];
+  put_spots(column, row, range, first, here);
+  int32_t found = 0;
+  for (uint32_t left = taken; left != 0; left &= left - 1)
+    out[found++] = here[__builtin_ctz(left)];
   return found;
 }

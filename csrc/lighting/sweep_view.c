@@ -49,30 +49,41 @@ static double sigma_of(const fum_medium *medium, int64_t i) {
   return (double)medium->sigma_scale / (double)fum_medium_casters(medium)->inverse_sigmas[i];
 }
 
-double fum_sweep_widest(const fum_octree *casters, double sigma_m, int64_t i) {
-  if (casters->stretches == NULL) return sigma_m;
-  double s[FUM_STRETCHES];
-  for (int k = 0; k < FUM_STRETCHES; k++)
-    s[k] = (double)casters->stretches[k * (casters->count + FUM_OCTREE_PAD) + i];
-  const double squares = s[0] * s[0] + s[1] * s[1] + (s[0] + s[1]) * (s[0] + s[1]);
-  return sqrt(sigma_m * sigma_m + sqrt(squares + 2.0 * (s[2] * s[2] + s[3] * s[3] + s[4] * s[4])));
+/* Finds the sigmas that casters have as seen from the light; returns the distance of the farthest. */
+static double find_sigmas(fum_context *context, const fum_medium *medium, const fum_sweep_view *view) {
+  const fum_octree *casters = fum_medium_casters(medium);
+  const double *o = view->to_middle;
+  const fum_vec3 middle = view->middle, to_middle = {(float)o[0], (float)o[1], (float)o[2]};
+  const float scale = medium->sigma_scale;
+  const float *x = casters->x, *y = casters->y, *z = casters->z, *depths = casters->optical_depths;
+  float *sigmas = view->sigmas, farthest = 0.0F;
+#pragma omp parallel for simd num_threads(fum_thread_count(context)) reduction(max : farthest)
+  for (int64_t i = 0; i < casters->count; i++) {
+    const fum_vec3 way = {x[i] - middle.x + to_middle.x, y[i] - middle.y + to_middle.y, z[i] - middle.z + to_middle.z};
+    const float distance = view->is_parallel ? 1.0F : sqrtf(fum_dot(way, way)),
+                is_there = depths[i] > 0.0F ? 1.0F : 0.0F;
+    sigmas[i] = is_there * scale / (casters->inverse_sigmas[i] * distance);
+    farthest = fmaxf(is_there * distance, farthest);
+  }
+  return (double)farthest;
 }
 
-/* Finds the sigmas that casters have as seen from the light, [count]; returns the distance of the farthest. */
-static double find_sigmas(fum_context *context, const fum_medium *medium, fum_sweep_view *view) {
+/* A Gaussian's longest axis is within its stretches' root of the sum of squares. */
+static void find_widest(fum_context *context, const fum_medium *medium, const fum_sweep_view *view) {
   const fum_octree *casters = fum_medium_casters(medium);
-  const double *o = view->to_middle, squared = dot(o, o);
-  double farthest = 0.0;
-#pragma omp parallel for num_threads(fum_thread_count(context)) reduction(max : farthest)
+  const int64_t step = casters->count + FUM_OCTREE_PAD;
+  const float scale = medium->sigma_scale, *s = casters->stretches;
+  float *widest = view->widest;
+#pragma omp parallel for simd num_threads(fum_thread_count(context))
   for (int64_t i = 0; i < casters->count; i++) {
-    const double q[3] = {(double)(casters->x[i] - view->middle.x), (double)(casters->y[i] - view->middle.y),
-                         (double)(casters->z[i] - view->middle.z)};
-    const double distance = view->is_parallel ? 1.0 : sqrt(fmax(0.0, squared + 2.0 * dot(o, q) + dot(q, q)));
-    if (!(casters->optical_depths[i] > 0.0F)) continue;
-    view->sigmas[i] = (float)(sigma_of(medium, i) / distance);
-    farthest = distance > farthest ? distance : farthest;
+    const float sigma = scale / casters->inverse_sigmas[i];
+    float squares = 0.0F;
+    if (s != NULL) {
+      const float xx = s[i], yy = s[i + step], xy = s[i + 2 * step], xz = s[i + 3 * step], yz = s[i + 4 * step];
+      squares = xx * xx + yy * yy + (xx + yy) * (xx + yy) + 2.0F * (xy * xy + xz * xz + yz * yz);
+    }
+    widest[i] = sqrtf(sigma * sigma + sqrtf(squares));
   }
-  return farthest;
 }
 
 /* Sets the casters in the light's vicinity apart and measures both them and the others. */
@@ -101,7 +112,7 @@ static void part(fum_context *context, const fum_medium *medium, double outermos
     farthest = distance > farthest ? distance : farthest;
     smallest = sigma < smallest ? sigma : smallest;
     largest = sigma > largest ? sigma : largest;
-    wide = fmax(wide, fum_sweep_widest(fum_medium_casters(medium), sigma_m, i));
+    wide = fmax(wide, (double)view->widest[i]);
   }
   view->vicinity = (fum_sweep_vicinity){near_count, reach, smallest_near};
   view->nearest = nearest;
@@ -114,16 +125,9 @@ static void part(fum_context *context, const fum_medium *medium, double outermos
 
 /* How casters, all within `radius`, are seen. False if none is but in the light's vicinity. */
 static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
-  const fum_octree *casters = fum_medium_casters(medium);
-  double mass = 0.0;
+  find_widest(context, medium, view);
   part(context, medium, find_sigmas(context, medium, view), view);
-  /* A sum over threads' shares would differ with their number. */
-  for (int64_t i = 0; i < casters->count; i++) {
-    const double sigma = 1.0 / (double)casters->inverse_sigmas[i];
-    mass += (double)casters->optical_depths[i] * sigma * sigma;
-  }
-  const double scale = (double)medium->sigma_scale, weight = (double)medium->depth_scale * scale * scale;
-  view->reach = reach_for(2.0 * weight * mass / fmax(radius * radius, 1e-60));
+  view->reach = reach_for(2.0 * medium->mass / fmax(radius * radius, 1e-60));
   view->reach_m *= (double)view->reach;
   return view->farthest > 0.0;
 }
@@ -148,6 +152,7 @@ static void aim_faces(double radius, const double axis[3], fum_sweep_view *view)
 
 int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
                             fum_sweep_view *out_view, bool *out_is_clear) {
+  const char *what = "a light's view";
   const double far_away = 1e4; /* radii of the casters: their rays are parallel within a hundredth of a sigma */
   const fum_octree *casters = fum_medium_casters(medium);
   const fum_octree_node *root = casters->nodes;
@@ -171,9 +176,12 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
       axis[k] = view.to_middle[k] / distance;
   }
   if (view.is_parallel) memset(view.to_middle, 0, sizeof view.to_middle);
-  const int32_t status =
-      fum_alloc(context, casters->count + FUM_OCTREE_PAD, sizeof *view.sigmas, "a light's view", &view.sigmas);
-  if (status != FUM_OK) return status;
+  int32_t status = fum_alloc(context, casters->count + FUM_OCTREE_PAD, sizeof *view.sigmas, what, &view.sigmas);
+  if (status == FUM_OK) status = fum_alloc(context, casters->count, sizeof *view.widest, what, &view.widest);
+  if (status != FUM_OK) {
+    fum_sweep_view_free(context, &view);
+    return status;
+  }
   *out_is_clear = measure(context, medium, radius, &view);
   aim_faces(radius + view.reach_m, axis, &view);
   *out_view = view;
@@ -181,5 +189,6 @@ int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, cons
 }
 
 void fum_sweep_view_free(fum_context *context, fum_sweep_view *view) {
+  fum_free(context, &view->widest);
   fum_free(context, &view->sigmas);
 }

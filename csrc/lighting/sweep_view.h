@@ -36,6 +36,7 @@ typedef struct fum_sweep_view {
   double reach_m;              /* that of the largest caster */
   float smallest, largest;     /* of... */
   float *sigmas;               /* ...[casters] sigmas in tangents, of a parallel light in m; 0: not to be seen */
+  float *widest;               /* [casters] sigmas where they are widest, at most, m */
   fum_sweep_vicinity vicinity; /* of the light: those casters aren't to be seen either */
   int32_t face_count;
   fum_sweep_face faces[FUM_SWEEP_FACES];
@@ -46,8 +47,5 @@ typedef struct fum_sweep_view {
 int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
                             fum_sweep_view *out_view, bool *out_is_clear);
 void fum_sweep_view_free(fum_context *context, fum_sweep_view *view);
-
-/* Sigma of a caster whose mean is `sigma_m` where it is widest, at most; both in m. */
-double fum_sweep_widest(const fum_octree *casters, double sigma_m, int64_t i);
 
 #endif

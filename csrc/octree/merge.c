@@ -120,15 +120,16 @@ static uint32_t merge_range(const merging *m, const uint32_t *particles, uint32_
   return merge_range(m, particles + half, count - half, merge_range(m, particles, half, at));
 }
 
-/* Could two neighbours of the leaf be as close as this many sigmas? If not, nothing there is merged. */
+/* Could two neighbours of the leaf be as close as this many sigmas? If not, nothing there is merged. They are about
+ * cbrt(2 / count) of its length apart. */
 static bool is_close(const merging *m, int64_t node) {
   const double sigmas = 0.7;
   const fum_octree_node *leaf = &m->octree->nodes[node];
   double longest = 0.0;
   for (int axis = 0; axis < 3; axis++)
     longest = fmax(longest, (double)leaf->upper[axis] - (double)leaf->lower[axis]);
-  return leaf->count > 1 && longest * cbrt(2.0 / (double)leaf->count) * (double)m->octree->sums[node].least_inverse <
-                                sigmas * m->sigma_scale;
+  const double length = longest * (double)m->octree->sums[node].least_inverse / (sigmas * m->sigma_scale);
+  return leaf->count > 1 && 2.0 * length * length * length < (double)leaf->count;
 }
 
 static void merge_leaf(const merging *m, int64_t node, uint32_t *out_count) {
