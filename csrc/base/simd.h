@@ -69,6 +69,23 @@ static inline void fum_quad_transpose(fum_quad rows[4]) {
   rows[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
 }
 
+/* Adds a b[0], a b[1], a b[2] and last b[3], one behind the other, to `sums`, which are aligned to 64 bytes. */
+static inline void fum_quad_add_outer(fum_quad a, fum_quad last, fum_quad b, float sums[16]) {
+#if defined(__AVX512F__)
+  const __m512i each = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+  const __m512 all = _mm512_insertf32x4(_mm512_broadcast_f32x4((__m128)a), (__m128)last, 3);
+  const __m512 weights = _mm512_permutexvar_ps(each, _mm512_castps128_ps512((__m128)b));
+  _mm512_store_ps(sums, _mm512_fmadd_ps(all, weights, _mm512_load_ps(sums)));
+#else
+  for (int k = 0; k < 4; k++) {
+    fum_quad sum;
+    memcpy(&sum, sums + 4 * k, sizeof sum);
+    sum += (k < 3 ? a : last) * b[k];
+    memcpy(sums + 4 * k, &sum, sizeof sum);
+  }
+#endif
+}
+
 /* Sum over i, j and k of x[i] y[j] z[k] rows[j][4 i + k]. */
 static inline float fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, const float *const rows[4]) {
   typedef float quads __attribute__((vector_size(64)));

@@ -39,8 +39,11 @@ static float find_most_left(double thickness) {
 int32_t fum_drawn_bunch(fum_context *context, const fum_tile_job *job, float tolerance, fum_octree **out_bunched) {
   const double thickness = job->slabs->thickness, side = find_side((double)tolerance, thickness), least = 1.2;
   const fum_bunch_sight sight = find_sight(job->view);
-  const fum_bunch_options options = {
-      .sigma_scale = 1.0F, .side = (float)side, .most_left = find_most_left(thickness), .sight = &sight};
+  const fum_bunch_options options = {.sigma_scale = 1.0F,
+                                     .side = (float)side,
+                                     .most_left = find_most_left(thickness),
+                                     .keeps_members = true,
+                                     .sight = &sight};
   *out_bunched = NULL;
   if (!job->is_uniform || job->octree->count < FEWEST || side < least) return FUM_OK;
   return fum_octree_bunch(context, job->octree, &options, out_bunched);

@@ -157,10 +157,10 @@ static int32_t sweep_level(fum_context *context, const fum_sweep_job *job, const
 #pragma omp parallel num_threads(fum_thread_count(context))
   {
     fum_sweep_scratch scratch = {0};
-#pragma omp for schedule(dynamic)
+#pragma omp for schedule(dynamic, 1)
     for (int64_t i = 0; i < job->patches->count; i++) {
       if (fum_is_cancelled(context) || atomic_load(&is_out_of_memory)) continue;
-      sweep_patch(job, i, &scratch);
+      sweep_patch(job, job->patches->order[i].index, &scratch);
       if (scratch.is_out_of_memory) atomic_store(&is_out_of_memory, true);
       const int64_t done = atomic_fetch_add(&patches_done, 1) + 1;
       if (omp_get_thread_num() != 0) continue;

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/sweep_patches.h"
 
+#include <stdlib.h>
+
 /* Grid lines across a patch, and patches across a face. */
 enum { PATCH_CELLS = 64, MOST_PATCHES = 255 };
 
@@ -229,6 +231,22 @@ done:
   return status;
 }
 
+static int compare_patches(const void *a, const void *b) {
+  const fum_sweep_patch *x = a, *y = b;
+  if (x->leaf_count != y->leaf_count) return x->leaf_count < y->leaf_count ? 1 : -1;
+  return (x->index > y->index) - (x->index < y->index);
+}
+
+/* Those that take longest come first, so that no thread begins one of them when the others end. */
+static void order_patches(fum_sweep_patches *patches) {
+  for (int64_t i = 0; i < patches->count; i++) {
+    const int64_t casters = patches->caster_begins[i + 1] - patches->caster_begins[i];
+    const int64_t receivers = patches->receiver_begins[i + 1] - patches->receiver_begins[i];
+    patches->order[i] = (fum_sweep_patch){i, casters > 0 && receivers > 0 ? casters + receivers : 0};
+  }
+  qsort(patches->order, (size_t)patches->count, sizeof *patches->order, compare_patches);
+}
+
 int32_t fum_sweep_sort(fum_context *context, const fum_medium *medium, const fum_receivers *receivers,
                        const uint8_t *is_lit, const fum_sweep_view *view, const fum_sweep_level *level,
                        fum_sweep_patches *patches) {
@@ -240,10 +258,13 @@ int32_t fum_sweep_sort(fum_context *context, const fum_medium *medium, const fum
   if (status == FUM_OK)
     status = fill(context, &s, false, patches->count, patches->receiver_begins, &patches->receivers);
   if (status == FUM_OK) status = fill(context, &s, true, patches->count, patches->caster_begins, &patches->casters);
+  if (status == FUM_OK) status = fum_alloc(context, patches->count, sizeof *patches->order, what, &patches->order);
+  if (status == FUM_OK) order_patches(patches);
   return status;
 }
 
 void fum_sweep_patches_free(fum_context *context, fum_sweep_patches *patches) {
+  fum_free(context, &patches->order);
   fum_free(context, &patches->caster_begins);
   fum_free(context, &patches->receiver_begins);
   fum_free(context, &patches->casters);

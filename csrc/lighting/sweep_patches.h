@@ -18,8 +18,13 @@ typedef struct fum_sweep_level {
   int32_t slab_count;
 } fum_sweep_level;
 
+typedef struct fum_sweep_patch {
+  int64_t index, leaf_count;
+} fum_sweep_patch;
+
 typedef struct fum_sweep_patches {
   int64_t count;
+  fum_sweep_patch *order;                   /* [count] those with most leaves first */
   int64_t *caster_begins, *receiver_begins; /* [count + 1] */
   uint32_t *casters, *receivers;            /* nodes of their octrees: leaves */
 } fum_sweep_patches;

@@ -1,22 +1,17 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "octree/bunch.h"
 
-#include "base/simd.h"
+#include "octree/cells.h"
 #include "octree/thin.h"
 
 #include <math.h>
-#include <string.h>
-
-/* Cells along each axis of a node, at most. */
-enum { MOST_CELLS = 8, ALL_CELLS = MOST_CELLS * MOST_CELLS * MOST_CELLS };
 
 static const char WHAT[] = "bunches of particles";
 
-/* How a leaf is cut. Lengths are in its sigmas, from its lower corner on. */
+/* A leaf and its cells. */
 typedef struct cutting {
-  float lower[3], per_metre, cells_per_metre[3], sigma_scale;
-  int32_t cells[3], cell_count; /* along each axis, and in all */
-  bool is_cut;                  /* false: its particles stay as they are */
+  fum_cells cells;
+  bool is_cut; /* false: its particles stay as they are */
 } cutting;
 
 /* Sigma that cells go by: of the mean curvature of what the particles are in sum, which the few narrowest among wide
@@ -41,18 +36,19 @@ static bool is_sighted(const fum_octree_node *node, const fum_node_sums *sums, c
 }
 
 static cutting cut(const fum_octree_node *node, const fum_node_sums *sums, const fum_bunch_options *options) {
-  cutting c = {.is_cut = node->count > 1 && is_sighted(node, sums, options->sight),
-               .per_metre = inverse_sigma_of(sums) / options->sigma_scale,
-               .sigma_scale = options->sigma_scale};
+  cutting c = {.is_cut = node->count > 1 && is_sighted(node, sums, options->sight)};
+  fum_cells *cells = &c.cells;
+  cells->per_metre = inverse_sigma_of(sums) / options->sigma_scale;
+  cells->sigma_scale = options->sigma_scale;
   for (int axis = 0; axis < 3; axis++) {
     const float extent = node->upper[axis] - node->lower[axis];
-    const float cells = fmaxf(ceilf(extent * c.per_metre / options->side), 1.0F);
-    c.lower[axis] = node->lower[axis];
-    c.is_cut = c.is_cut && cells <= (float)MOST_CELLS;
-    c.cells[axis] = c.is_cut ? (int32_t)cells : 1;
-    c.cells_per_metre[axis] = extent > 0.0F ? cells / extent : 0.0F;
+    const float count = fmaxf(ceilf(extent * cells->per_metre / options->side), 1.0F);
+    c.is_cut = c.is_cut && count <= (float)FUM_MOST_CELLS;
+    cells->lower[axis] = node->lower[axis];
+    cells->cells[axis] = c.is_cut ? (int32_t)count : 1;
+    cells->cells_per_metre[axis] = extent > 0.0F ? count / extent : 0.0F;
   }
-  c.cell_count = c.cells[0] * c.cells[1] * c.cells[2];
+  cells->cell_count = cells->cells[0] * cells->cells[1] * cells->cells[2];
   return c;
 }
 
@@ -80,92 +76,10 @@ static int64_t prune(const fum_octree *octree, const fum_bunch_options *options,
   return count;
 }
 
-/* Adds the cells along one axis to those of a leaf's particles. */
-static void add_cells(const float *restrict places, uint32_t count, float lower, float per_metre, int32_t cell_count,
-                      uint16_t *restrict cells) {
-  const int32_t last = cell_count - 1;
-  for (uint32_t i = 0; i < count; i++) {
-    const int32_t cell = (int32_t)((places[i] - lower) * per_metre);
-    cells[i] = (uint16_t)(cells[i] * cell_count + (cell < last ? cell : last));
-  }
-}
-
-/* Finds the cells of a leaf's particles; returns how many particles are left: cells with any. */
-static uint32_t find_cells(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, uint16_t *cells) {
-  const float *places[3] = {octree->z, octree->y, octree->x};
-  uint8_t taken[ALL_CELLS] = {0};
-  uint32_t count = 0;
-  if (!c->is_cut) return leaf->count;
-  memset(cells, 0, leaf->count * sizeof *cells);
-  for (int k = 0; k < 3; k++) {
-    const int axis = 2 - k;
-    add_cells(places[k] + leaf->begin, leaf->count, c->lower[axis], c->cells_per_metre[axis], c->cells[axis], cells);
-  }
-  for (uint32_t i = 0; i < leaf->count; i++)
-    taken[cells[i]] = 1;
-  for (int32_t k = 0; k < c->cell_count; k++)
-    count += taken[k];
-  return count;
-}
-
-/* Over the particles of a cell: sums of their masses, optical depth times sigma^2, times x, y and z times (x, y, z, 1),
- * a row each; and in the last row of mass times sigma^2 and of mass. */
-enum { ROWS = 4 };
-
-static void add_particle(const cutting *c, const fum_octree *octree, uint32_t p, fum_quad sums[ROWS]) {
-  const float x = (octree->x[p] - c->lower[0]) * c->per_metre, y = (octree->y[p] - c->lower[1]) * c->per_metre,
-              z = (octree->z[p] - c->lower[2]) * c->per_metre;
-  const float sigma = c->sigma_scale * c->per_metre / octree->inverse_sigmas[p], variance = sigma * sigma;
-  const float mass = octree->optical_depths[p] * variance;
-  const fum_quad place = {x, y, z, 1.0F}, weight = {mass * variance, mass, 0.0F, 0.0F};
-  sums[0] += place * (mass * x);
-  sums[1] += place * (mass * y);
-  sums[2] += place * (mass * z);
-  sums[3] += weight;
-}
-
-/* The Gaussian with the mass, centroid and second moments of a cell. */
-static void emit(const cutting *c, const fum_quad sums[ROWS], uint32_t at, fum_octree *out) {
-  const float mass = sums[3][1], per_mass = mass > 0.0F ? 1.0F / mass : 0.0F, unit = 1.0F / c->per_metre;
-  const float x = sums[0][3] * per_mass, y = sums[1][3] * per_mass, z = sums[2][3] * per_mass;
-  const float xx = sums[0][0] * per_mass - x * x, yy = sums[1][1] * per_mass - y * y,
-              zz = sums[2][2] * per_mass - z * z;
-  const float least = 0.25F; /* the narrowest have more: for cells without any mass */
-  const float spread = (xx + yy + zz) * 0.33333333F, variance = fmaxf(sums[3][0] * per_mass + spread, least);
-  const float stretches[FUM_STRETCHES] = {xx - spread, yy - spread, sums[0][1] * per_mass - x * y,
-                                          sums[0][2] * per_mass - x * z, sums[1][2] * per_mass - y * z};
-  out->x[at] = c->lower[0] + x * unit;
-  out->y[at] = c->lower[1] + y * unit;
-  out->z[at] = c->lower[2] + z * unit;
-  out->inverse_sigmas[at] = c->sigma_scale * c->per_metre / sqrtf(variance);
-  out->optical_depths[at] = mass / variance;
-  for (int k = 0; k < FUM_STRETCHES; k++)
-    out->stretches[k * (out->count + FUM_OCTREE_PAD) + at] = stretches[k] * unit * unit;
-}
-
-static void fill_leaf(const fum_octree *octree, const fum_octree_node *leaf, const cutting *c, const uint16_t *of_cells,
-                      uint32_t at, fum_octree *out) {
-  fum_quad cells[ALL_CELLS][ROWS];
-  uint32_t members[ALL_CELLS], firsts[ALL_CELLS];
-  if (!c->is_cut) {
-    fum_octree_copy(octree, leaf->begin, leaf->count, out, at);
-    for (uint32_t i = 0; i < leaf->count; i++)
-      out->members[at + i] = 1;
-    return;
-  }
-  memset(cells, 0, (size_t)c->cell_count * sizeof *cells);
-  memset(members, 0, (size_t)c->cell_count * sizeof *members);
-  for (uint32_t i = leaf->count; i-- > 0;) { /* backwards: the first one is the last that is written down */
-    members[of_cells[i]]++;
-    firsts[of_cells[i]] = octree->indices[leaf->begin + i];
-    add_particle(c, octree, leaf->begin + i, cells[of_cells[i]]);
-  }
-  for (int32_t k = 0; k < c->cell_count; k++) {
-    if (members[k] == 0) continue;
-    out->indices[at] = firsts[k];
-    out->members[at] = members[k];
-    emit(c, cells[k], at++, out);
-  }
+static void copy_leaf(const fum_octree *octree, const fum_octree_node *leaf, uint32_t at, fum_octree *out) {
+  fum_octree_copy(octree, leaf->begin, leaf->count, out, at);
+  for (uint32_t i = 0; i < leaf->count && out->members != NULL; i++)
+    out->members[at + i] = 1;
 }
 
 /* What is needed on the way. */
@@ -195,25 +109,32 @@ static void end_bunching(fum_context *context, bunching *b) {
 }
 
 static int64_t count_all(fum_context *context, const fum_bunch_options *options, const bunching *b) {
+  const fum_cell_loops *loops = fum_cell_loops_get();
   int64_t count = 0;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 64) reduction(+ : count)
   for (int64_t i = 0; i < b->pruned.node_count; i++) {
     const fum_octree_node *node = &b->pruned.nodes[i];
     if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
     const cutting c = cut(node, &b->pruned.sums[b->places[i]], options);
-    b->counts[i] = find_cells(&b->pruned, node, &c, b->cells + node->begin);
+    b->counts[i] = c.is_cut ? loops->find(&b->pruned, node, &c.cells, b->cells + node->begin) : node->count;
     count += b->counts[i];
   }
   return count;
 }
 
 static void fill_all(fum_context *context, const fum_bunch_options *options, const bunching *b, fum_octree *out) {
+  const fum_cell_loops *loops = fum_cell_loops_get();
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(dynamic, 64)
   for (int64_t i = 0; i < b->pruned.node_count; i++) {
     const fum_octree_node *node = &b->pruned.nodes[i];
     if (fum_progress_in_loop(context, i, 1 << 10) || node->children != 0) continue;
     const cutting c = cut(node, &b->pruned.sums[b->places[i]], options);
-    fill_leaf(&b->pruned, node, &c, b->cells + node->begin, out->nodes[i].begin, out);
+    const uint32_t at = out->nodes[i].begin;
+    if (c.is_cut) {
+      loops->fill(&b->pruned, node, &c.cells, b->cells + node->begin, at, out);
+    } else {
+      copy_leaf(&b->pruned, node, at, out);
+    }
   }
 }
 
@@ -228,7 +149,8 @@ int32_t fum_octree_bunch(fum_context *context, const fum_octree *octree, const f
   if (fum_is_cancelled(context)) status = FUM_ERROR_CANCELLED;
   if (status != FUM_OK || (double)count > (double)options->most_left * (double)octree->count) goto done;
   status = fum_octree_thin(context, &b.pruned, b.counts, &bunched);
-  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *bunched->members, WHAT, &bunched->members);
+  if (status == FUM_OK && options->keeps_members)
+    status = fum_alloc(context, count, sizeof *bunched->members, WHAT, &bunched->members);
   if (status == FUM_OK)
     status = fum_alloc(context, FUM_STRETCHES * (count + FUM_OCTREE_PAD), sizeof(float), WHAT, &bunched->stretches);
   if (status != FUM_OK) goto done;

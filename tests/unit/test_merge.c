@@ -216,7 +216,7 @@ static void test_bunches(void **state) {
     double most;
   } cases[] = {{2.0F, 2, 0.01}, {3.0F, 4, 0.03}};
   for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-    const fum_bunch_options options = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.5F};
+    const fum_bunch_options options = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.5F, .keeps_members = true};
     fum_octree *bunched = NULL;
     assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &options, &bunched), FUM_OK);
     assert_non_null(bunched);
@@ -229,7 +229,7 @@ static void test_bunches(void **state) {
     if (!(error < cases[k].most)) fail_msg("side %g: off by %.3g %%", (double)cases[k].side, 100.0 * error);
     const float left = (float)bunched->count / (float)s.octree->count;
     fum_octree_destroy(s.stage.context, bunched);
-    const fum_bunch_options stricter = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.99F * left};
+    const fum_bunch_options stricter = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.99F * left, .keeps_members = true};
     assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &stricter, &bunched), FUM_OK);
     assert_null(bunched);
   }
@@ -241,7 +241,7 @@ static void test_bunches(void **state) {
 static void test_bunches_of_one_place_and_of_many(void **state) {
   (void)state;
   puffs sparse = puffs_random(200, 6, 1.0F, 0.02F, 1.0F), heap = puffs_random(5000, 7, 0.0F, 0.1F, 1.0F);
-  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F, .most_left = 0.5F};
+  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F, .most_left = 0.5F, .keeps_members = true};
   fum_octree *bunched = NULL;
   smoke s = smoke_open(&sparse, 64, 1e-6F);
   assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &rough, &bunched), FUM_OK);

@@ -18,7 +18,7 @@ static smoke smoke_open(const puffs *p, float side) {
   fum_scene_find_origin(s.stage.scene);
   assert_int_equal(fum_octree_build(s.stage.scene, &options, &s.all), FUM_OK);
   if (side > 0.0F) {
-    const fum_bunch_options bunches = {.sigma_scale = 1.0F, .side = side, .most_left = 0.5F};
+    const fum_bunch_options bunches = {.sigma_scale = 1.0F, .side = side, .most_left = 0.5F, .keeps_members = true};
     assert_int_equal(fum_octree_bunch(s.stage.context, s.all, &bunches, &s.bunched), FUM_OK);
     assert_non_null(s.bunched);
   }

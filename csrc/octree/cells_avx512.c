@@ -1,0 +1,4 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+#define FUM_LANES 16
+#define FUM_CELL_LOOPS_NAME fum_cell_loops_avx512
+#include "octree/cells_loop.h"
