@@ -195,6 +195,20 @@ static inline fum_vf fum_vf_at_least(fum_vf v, float least) {
 #endif
 }
 
+/* The entries whose bits are set, moved to the front; what is behind them doesn't matter. */
+static inline fum_vf fum_vf_pack(fum_vf v, uint32_t bits) {
+#if defined(__AVX512F__) && FUM_LANES == 16
+  return (fum_vf)_mm512_maskz_compress_ps((__mmask16)bits, (__m512)v);
+#else
+  float values[FUM_LANES], packed[FUM_LANES];
+  fum_vf_store(values, v);
+  fum_vf_store(packed, v);
+  for (int to = 0; bits != 0; bits &= bits - 1)
+    packed[to++] = values[__builtin_ctz(bits)];
+  return fum_vf_load(packed);
+#endif
+}
+
 static inline fum_vf fum_vf_abs(fum_vf v) {
   return (fum_vf)((fum_vi)v & 0x7fffffff);
 }

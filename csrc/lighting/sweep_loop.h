@@ -11,9 +11,6 @@
 /* Casters and receivers are fetched from memory so many before they are needed: their order is not that of memory. */
 enum { AHEAD = 8 };
 
-/* Receivers that may be looked at behind the last one. */
-enum { BEHIND = AHEAD + FUM_LANES };
-
 /* A cell is a line of sixteen faces, face f at f % 16, whatever the instruction set: one cache line. As many casters'
  * faces are open at once; two slabs are worked on at a time. */
 enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH };
@@ -118,6 +115,8 @@ static void lay_patch(patch *p, int64_t index) {
   p->rows = (int32_t)((upper[1] - p->lower[1]) / cell + FUM_SWEEP_MARGIN) + 1;
 }
 
+#include "lighting/sweep_queue.h"
+
 #include "lighting/sweep_places.h"
 
 static const float NUMBERS[MOST_COLUMNS] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10, 11, 12, 13, 14, 15,
@@ -153,20 +152,15 @@ static void sort_casters(int64_t count, const footprint *footprints, int32_t sla
   memset(order + count, 0, AHEAD * sizeof *order);
 }
 
-/* The slab at whose turn a receiver is read: the two faces behind it are known then. */
-static int32_t turn_of(const spot *s) {
-  return (int32_t)s->range + 1;
-}
-
-/* Receivers in the order of their turns. */
-static void sort_receivers(int64_t count, const spot *spots, int32_t slab_count, uint32_t *begins, spot *out) {
+/* The order of nodes by the turns of their first receivers. */
+static void sort_nodes(const patch *p, int64_t count, const uint32_t *nodes, uint32_t *begins, uint32_t *order) {
+  const int32_t slab_count = p->job->level->slab_count;
   memset(begins, 0, ((size_t)slab_count + 2) * sizeof *begins);
   for (int64_t i = 0; i < count; i++)
-    begins[turn_of(&spots[i]) + 2]++;
+    begins[find_turn(p, &p->job->points->nodes[nodes[i]]) + 2]++;
   begin_slabs(slab_count, begins);
   for (int64_t i = 0; i < count; i++)
-    out[begins[turn_of(&spots[i]) + 1]++] = spots[i];
-  memset(out + count, 0, BEHIND * sizeof *out);
+    order[begins[find_turn(p, &p->job->points->nodes[nodes[i]]) + 1]++] = nodes[i];
 }
 
 /* Opens BATCH faces more, behind all casters so far, in the place of the first ones. */
@@ -183,33 +177,59 @@ static void advance(patch *p) {
   p->open += BATCH;
 }
 
+/* Points of leaves that lie one after the other. */
+typedef struct stretch {
+  int64_t begin, end;
+} stretch;
+
+/* The stretch from leaf `*next` of a list on; moves that behind it. */
+static stretch take_stretch(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count, int64_t *next) {
+  const fum_octree_node *leaf = &octree->nodes[leaves[(*next)++]];
+  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count};
+  while (*next < leaf_count && octree->nodes[leaves[*next]].begin == s.end)
+    s.end += octree->nodes[leaves[(*next)++]].count;
+  return s;
+}
+
+static void queue_receivers(const patch *p, const uint32_t *nodes, int64_t count, queue *q) {
+  for (int64_t next = 0; next < count;) {
+    const stretch s = take_stretch(p->job->points, nodes, count, &next);
+    for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
+      queue_points(p, i, s.end - i, q);
+  }
+}
+
+static void read_receivers(const patch *p, const queue *q, int32_t slab) {
+  take_faces(p, slab - 2, find_area(p, q->last[slab]));
+  for (const chunk *c = q->last[slab]; c != NULL; c = c->before) {
+    for (int32_t k = 0; k < c->count; k += FUM_LANES)
+      read_depths(p, c, k, slab - 1);
+  }
+}
+
 /* What is in a patch, in the order of slabs: slab k's from begins[k] to begins[k + 1]. */
 typedef struct contents {
   const footprint *footprints;
-  const uint32_t *order, *caster_begins;
-  const spot *receivers;
-  const uint32_t *receiver_begins;
+  const uint32_t *casters, *caster_begins; /* their order */
+  const uint32_t *nodes, *node_begins;     /* of receivers */
 } contents;
-
-static void read_receivers(const patch *p, const contents *c, int32_t slab) {
-  const uint32_t from = c->receiver_begins[slab], to = c->receiver_begins[slab + 1];
-  if (from == to) return;
-  take_faces(p, slab - 2, find_area(p, c->receivers + from, to - from));
-  for (uint32_t k = from; k < to; k += FUM_LANES)
-    read_depths(p, c->receivers + k, to - k, slab - 1);
-}
 
 /* From the light outwards: casters are added at the first slab that they reach into; receivers are read while the face
  * before the one before them is still open. */
-static void sweep_patch(patch *p, const contents *c) {
+static void sweep_patch(patch *p, const contents *c, queue *q) {
   const int32_t end = p->job->level->slab_count;
-  uint32_t added = 0;
+  uint32_t added = 0, queued = 0;
   for (int32_t slab = 0; slab < end; slab += BATCH) {
-    add_casters(p, c->footprints, c->order, added, c->caster_begins[slab + BATCH]);
-    added = c->caster_begins[slab + BATCH];
+    const uint32_t next_added = c->caster_begins[slab + BATCH], next_queued = c->node_begins[slab + BATCH];
+    queue_receivers(p, c->nodes + queued, next_queued - queued, q);
+    add_casters(p, c->footprints, c->casters, added, next_added);
+    added = next_added;
+    queued = next_queued;
+    for (int32_t k = slab; k < slab + BATCH; k++) {
+      if (added > 0 && q->last[k] != NULL) read_receivers(p, q, k);
+      drop_queue(q, k);
+    }
     if (added > 0) {
-      for (int32_t k = 0; k < BATCH; k++)
-        read_receivers(p, c, slab + k);
       advance(p);
     } else {
       p->open += BATCH;
@@ -225,36 +245,12 @@ static int64_t count_points(const fum_octree *octree, const uint32_t *leaves, in
   return count;
 }
 
-/* Points of leaves that lie one after the other. */
-typedef struct stretch {
-  int64_t begin, end;
-} stretch;
-
-/* The stretch from leaf `*next` of a list on; moves that behind it. */
-static stretch take_stretch(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count, int64_t *next) {
-  const fum_octree_node *leaf = &octree->nodes[leaves[(*next)++]];
-  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count};
-  while (*next < leaf_count && octree->nodes[leaves[*next]].begin == s.end)
-    s.end += octree->nodes[leaves[(*next)++]].count;
-  return s;
-}
-
 static int64_t take_casters(const patch *p, const uint32_t *leaves, int64_t leaf_count, footprint *out) {
   int64_t found = 0;
   for (int64_t next = 0; next < leaf_count;) {
     const stretch s = take_stretch(p->job->casters, leaves, leaf_count, &next);
     for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
       found += find_footprints(p, i, s.end - i, out + found);
-  }
-  return found;
-}
-
-static int64_t take_receivers(const patch *p, const uint32_t *leaves, int64_t leaf_count, spot *out) {
-  int64_t found = 0;
-  for (int64_t next = 0; next < leaf_count;) {
-    const stretch s = take_stretch(p->job->points, leaves, leaf_count, &next);
-    for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
-      found += find_spots(p, i, s.end - i, out + found);
   }
   return found;
 }
@@ -270,11 +266,6 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   if (caster_leaf_count == 0 || receiver_leaf_count == 0) return;
   patch p = {.job = job};
   lay_patch(&p, index);
-  const int64_t most_receivers = count_points(job->points, receiver_leaves, receiver_leaf_count);
-  spot *spots = reserve(scratch, FUM_SWEEP_SPOTS, most_receivers * (int64_t)sizeof *spots);
-  if (scratch->is_out_of_memory) return;
-  const int64_t receivers = take_receivers(&p, receiver_leaves, receiver_leaf_count, spots);
-  if (receivers == 0) return;
   const int64_t most_casters = count_points(job->casters, caster_leaves, caster_leaf_count);
   footprint *footprints = reserve(scratch, FUM_SWEEP_FOOTPRINTS, most_casters * (int64_t)sizeof *footprints);
   if (scratch->is_out_of_memory) return;
@@ -289,12 +280,14 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   p.open = -BATCH;
   uint32_t *caster_begins = reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins);
   uint32_t *order = reserve(scratch, FUM_SWEEP_CASTER_ORDER, (casters + AHEAD) * (int64_t)sizeof *order);
-  uint32_t *receiver_begins = reserve(scratch, FUM_SWEEP_RECEIVER_BEGINS, begins);
-  spot *sorted = reserve(scratch, FUM_SWEEP_RECEIVERS, (receivers + BEHIND) * (int64_t)sizeof *sorted);
+  uint32_t *node_begins = reserve(scratch, FUM_SWEEP_NODE_BEGINS, begins);
+  uint32_t *nodes = reserve(scratch, FUM_SWEEP_NODE_ORDER, receiver_leaf_count * (int64_t)sizeof *nodes);
+  queue q;
+  open_queue(scratch, count_points(job->points, receiver_leaves, receiver_leaf_count), slab_count, &q);
   if (scratch->is_out_of_memory) return;
   sort_casters(casters, footprints, slab_count, caster_begins, order);
-  sort_receivers(receivers, spots, slab_count, receiver_begins, sorted);
+  sort_nodes(&p, receiver_leaf_count, receiver_leaves, node_begins, nodes);
   memset(p.lines, 0, (size_t)bytes);
-  const contents c = {footprints, order, caster_begins, sorted, receiver_begins};
-  sweep_patch(&p, &c);
+  const contents c = {footprints, order, caster_begins, nodes, node_begins};
+  sweep_patch(&p, &c, &q);
 }

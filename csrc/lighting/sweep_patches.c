@@ -2,6 +2,7 @@
 #include "lighting/sweep_patches.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 /* Grid lines across a patch, and patches across a face. */
 enum { PATCH_CELLS = 64, MOST_PATCHES = 255 };
@@ -125,22 +126,29 @@ static bool has_lit(const sorting *s, const fum_octree_node *leaf) {
   return false;
 }
 
-/* The ball of a leaf of casters or receivers that patches are told of; negative: of none. */
-static float find_ball(const sorting *s, bool is_casters, const fum_octree_node *leaf) {
-  const float radius = radius_of(leaf), nothing = -1.0F;
-  if (leaf->children != 0) return nothing;
-  if (is_casters) {
-    const float reach = reach_of(s, leaf);
-    return reach > 0.0F ? radius + reach : nothing;
-  }
-  const float distance = fum_length(see_plainly(s->view, middle_of(leaf)));
-  const float rounded = 1.001F * radius + 1e-5F * distance;
-  if (!s->view->is_parallel && distance + rounded < (float)s->level->begin) return nothing;
-  return has_lit(s, leaf) ? rounded : nothing;
+/* Receivers of so many go to patches together where they are in one. */
+enum { MOST_TOGETHER = 256 };
+
+static bool is_together(const fum_octree_node *node) {
+  return node->children == 0 || node->count <= MOST_TOGETHER;
 }
 
-/* Where a leaf is: on a face, or one of these. */
-enum { NOWHERE = -1, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
+/* The ball of a node of casters or receivers that patches are told of; negative: of none. */
+static float find_ball(const sorting *s, bool is_casters, const fum_octree_node *node) {
+  const float radius = radius_of(node), nothing = -1.0F;
+  if (is_casters) {
+    const float reach = node->children == 0 ? reach_of(s, node) : 0.0F;
+    return reach > 0.0F ? radius + reach : nothing;
+  }
+  if (!is_together(node)) return nothing;
+  const float distance = fum_length(see_plainly(s->view, middle_of(node)));
+  const float rounded = 1.001F * radius + 1e-5F * distance;
+  if (!s->view->is_parallel && distance + rounded < (float)s->level->begin) return nothing;
+  return has_lit(s, node) ? rounded : nothing;
+}
+
+/* Where a node is: on a face, or one of these; its children are to be asked instead of a divided one. */
+enum { NOWHERE = -1, DIVIDED = -2, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
 
 typedef struct place {
   int8_t face;
@@ -162,29 +170,67 @@ static void put(const fum_sweep_face *face, span s, int64_t leaf, const filling 
   }
 }
 
-static place put_leaf(const sorting *s, bool is_casters, int64_t i, const filling *f) {
-  const fum_octree_node *leaf = &(is_casters ? s->casters : s->points)->nodes[i];
-  const float radius = find_ball(s, is_casters, leaf);
-  place found = {.face = NOWHERE};
-  if (radius < 0.0F) return found;
-  const fum_vec3 middle = middle_of(leaf), plain = see_plainly(s->view, middle);
-  for (int n = 0; n < s->view->face_count; n++) {
-    const fum_sweep_face *face = &s->view->faces[n];
-    if (s->view->face_count > 1 && is_outside(plain, n, radius)) continue;
-    const span on_face = find_span(s->view->is_parallel, face, see(s->view, face, middle), radius);
-    if (on_face.end[0] == 0) continue;
-    put(face, on_face, i, f);
-    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
+/* Places of a ball on the faces, one after the other: sets `*n` to the next face from that on. False at the end. */
+static bool find_on_faces(const sorting *s, fum_vec3 middle, float radius, int *n, span *out) {
+  const fum_sweep_view *view = s->view;
+  const fum_vec3 plain = see_plainly(view, middle);
+  for (; *n < view->face_count; ++*n) {
+    const fum_sweep_face *face = &view->faces[*n];
+    if (view->face_count > 1 && is_outside(plain, *n, radius)) continue;
+    *out = find_span(view->is_parallel, face, see(view, face, middle), radius);
+    if (out->end[0] != 0) return true;
   }
+  return false;
+}
+
+static place find_place(const sorting *s, bool is_casters, const fum_octree_node *node) {
+  const float radius = find_ball(s, is_casters, node);
+  place found = {.face = NOWHERE};
+  span on_face;
+  if (radius < 0.0F) return found;
+  for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
+    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
+  const span *own = &found.span;
+  const bool is_in_one =
+      found.face != ON_SEVERAL_FACES && own->end[0] - own->begin[0] == 1 && own->end[1] - own->begin[1] == 1;
+  if (!is_casters && node->children != 0 && found.face != NOWHERE && !is_in_one) found.face = DIVIDED;
   return found;
 }
 
-/* What is on several faces is looked for again, instead of being remembered. */
-static void put_again(const sorting *s, bool is_casters, place at, int64_t i, const filling *f) {
-  if (at.face == ON_SEVERAL_FACES) {
-    (void)put_leaf(s, is_casters, i, f);
+/* Counts a node, whose place is found for that, or writes it down. What is on several faces is looked for again,
+ * instead of being remembered. */
+static void put_node(const sorting *s, bool is_casters, int64_t i, place *places, const filling *f) {
+  const fum_octree_node *node = &(is_casters ? s->casters : s->points)->nodes[i];
+  if (f->list == NULL) places[i] = find_place(s, is_casters, node);
+  const place at = places[i];
+  if (at.face == DIVIDED) {
+    for (int c = 0; c < __builtin_popcount(node->octants); c++)
+      put_node(s, is_casters, (int64_t)node->children + c, places, f);
+  } else if (at.face == ON_SEVERAL_FACES) {
+    const float radius = find_ball(s, is_casters, node);
+    span on_face;
+    for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
+      put(&s->view->faces[n], on_face, i, f);
   } else if (at.face != NOWHERE) {
     put(&s->view->faces[at.face], at.span, i, f);
+  }
+}
+
+/* Puts the nodes of a block, but those below others that are put together. */
+static void put_block(const sorting *s, bool is_casters, const uint8_t *is_below, int block, int blocks, place *places,
+                      const filling *f) {
+  const int64_t count = (is_casters ? s->casters : s->points)->node_count, end = count * (block + 1) / blocks;
+  for (int64_t i = count * block / blocks; i < end; i++) {
+    if (!is_below[i]) put_node(s, is_casters, i, places, f);
+  }
+}
+
+/* Children come after their parents. */
+static void mark_below(const fum_octree *points, uint8_t *is_below) {
+  for (int64_t i = 0; i < points->node_count; i++) {
+    const fum_octree_node *node = &points->nodes[i];
+    if (node->children != 0 && (is_below[i] || is_together(node)))
+      memset(is_below + node->children, 1, (size_t)__builtin_popcount(node->octants));
   }
 }
 
@@ -197,15 +243,16 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
   const int blocks = fum_thread_count(context);
   int64_t *cursors = NULL, total = 0;
   place *places = NULL;
+  uint8_t *is_below = NULL;
   int32_t status = fum_alloc(context, blocks * patch_count, sizeof *cursors, what, &cursors);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *places, what, &places);
+  if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_below, what, &is_below);
   if (status != FUM_OK) goto done;
+  if (!is_casters) mark_below(s->points, is_below);
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
     const filling f = {cursors + block * patch_count, NULL};
-    const int64_t end = count * (block + 1) / blocks;
-    for (int64_t i = count * block / blocks; i < end; i++)
-      places[i] = put_leaf(s, is_casters, i, &f);
+    put_block(s, is_casters, is_below, block, blocks, places, &f);
   }
   for (int64_t patch = 0; patch < patch_count; patch++) {
     begins[patch] = total;
@@ -221,11 +268,10 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
 #pragma omp parallel for num_threads(blocks) schedule(static, 1)
   for (int block = 0; block < blocks; block++) {
     const filling f = {cursors + block * patch_count, *out_list};
-    const int64_t end = count * (block + 1) / blocks;
-    for (int64_t i = count * block / blocks; i < end; i++)
-      put_again(s, is_casters, places[i], i, &f);
+    put_block(s, is_casters, is_below, block, blocks, places, &f);
   }
 done:
+  fum_free(context, &is_below);
   fum_free(context, &places);
   fum_free(context, &cursors);
   return status;

@@ -26,7 +26,7 @@ typedef struct fum_sweep_patches {
   int64_t count;
   fum_sweep_patch *order;                   /* [count] those with most leaves first */
   int64_t *caster_begins, *receiver_begins; /* [count + 1] */
-  uint32_t *casters, *receivers;            /* nodes of their octrees: leaves */
+  uint32_t *casters, *receivers;            /* nodes of their octrees: leaves, of receivers larger ones as well */
 } fum_sweep_patches;
 
 /* Sigmas along the rays over which a caster is spread; what lies beyond is at its ends. */

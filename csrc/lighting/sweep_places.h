@@ -166,12 +166,6 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   return found;
 }
 
-/* A receiver in its patch: cells and slabs; and its place in the order of the octree. */
-typedef struct spot {
-  float column, row, range;
-  uint32_t index;
-} spot;
-
 /* Entries whose face is the one whose axis is nearest to them. */
 static inline fum_vi are_on_face(const patch *p, const points *q) {
   const fum_vec3 o = p->job->to_middle;
@@ -192,23 +186,6 @@ static inline fum_vi are_in_patch(const patch *p, int axis, fum_vf at) {
          (place == count - 1 ? ~(fum_vi){0} : is_before);
 }
 
-/* Spots side by side. */
-static inline void put_spots(fum_vf column, fum_vf row, fum_vf range, int64_t first, spot out[FUM_LANES]) {
-  float values[3][FUM_LANES];
-  fum_vf_store(values[0], column);
-  fum_vf_store(values[1], row);
-  fum_vf_store(values[2], range);
-  for (int32_t k = 0; k < FUM_LANES; k += 4) {
-    const uint32_t index = (uint32_t)(first + k), indices[4] = {index, index + 1, index + 2, index + 3};
-    fum_quad rows[4];
-    for (int32_t r = 0; r < 3; r++)
-      memcpy(&rows[r], values[r] + k, sizeof *rows);
-    memcpy(&rows[3], indices, sizeof *rows);
-    fum_quad_transpose(rows);
-    memcpy(out + k, rows, sizeof rows);
-  }
-}
-
 /* Bits of those among `count` that are lit, FUM_LANES at most. */
 static uint32_t find_lit(const uint8_t *is_lit, int64_t count) {
   static const uint8_t all[16] = {1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
@@ -219,33 +196,56 @@ static uint32_t find_lit(const uint8_t *is_lit, int64_t count) {
   return bits;
 }
 
-/* Lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most, for which there is room.
- * Returns how many. Whatever patch asks, the same is found: each is in one. */
-static int32_t find_spots(const patch *p, int64_t first, int64_t count, spot *out) {
+static const int32_t LANE_NUMBERS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+/* Queues the lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most. Whatever patch asks,
+ * the same is found: each is in one. */
+static void queue_points(const patch *p, int64_t first, int64_t count, queue *q) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_face *face = &view->faces[p->face];
-  const points q = load_points(view, p->job->points, first);
-  const fum_vf x = dot(q.x, q.y, q.z, face->right) + face->offset[0];
-  const fum_vf y = dot(q.x, q.y, q.z, face->up) + face->offset[1];
-  const fum_vf z = dot(q.x, q.y, q.z, face->axis) + face->offset[2];
+  const points at = load_points(view, p->job->points, first);
+  const fum_vf x = dot(at.x, at.y, at.z, face->right) + face->offset[0];
+  const fum_vf y = dot(at.x, at.y, at.z, face->up) + face->offset[1];
+  const fum_vf z = dot(at.x, at.y, at.z, face->axis) + face->offset[2];
   const fum_vf per_depth = view->is_parallel ? fum_vf_set(1.0F) : 1.0F / z;
   fum_vi is_here = are_in_patch(p, 0, x * per_depth) & are_in_patch(p, 1, y * per_depth) & (per_depth > 0.0F);
-  if (view->face_count > 1) is_here &= are_on_face(p, &q);
+  if (view->face_count > 1) is_here &= are_on_face(p, &at);
   if (!view->is_parallel) is_here &= x * x + y * y + z * z >= (float)(p->job->level->begin * p->job->level->begin);
   const uint32_t taken = fum_vi_bits(is_here) & find_lit(p->job->is_lit + first, count);
-  if (taken == 0) return 0;
+  if (taken == 0) return;
   const float per_cell = 1.0F / p->job->level->cell, last = (float)(p->job->level->slab_count - 2);
-  const places at = find_places(p, &q);
-  const fum_vf column = (at.u - p->lower[0]) * per_cell, row = (at.v - p->lower[1]) * per_cell;
-  const fum_vf range = fum_vf_min(fum_vf_at_least(at.range, 1.0F), fum_vf_set(last));
-  if (taken == bits_below(FUM_LANES)) {
-    put_spots(column, row, range, first, out);
-    return FUM_LANES;
+  const places found = find_places(p, &at);
+  const fum_vf column = (found.u - p->lower[0]) * per_cell, row = (found.v - p->lower[1]) * per_cell;
+  const fum_vf range = fum_vf_min(fum_vf_at_least(found.range, 1.0F), fum_vf_set(last));
+  const fum_vi index = fum_vi_load(LANE_NUMBERS) + (int32_t)first;
+  /* The slab at whose turn a receiver is read: the two faces behind it are known then. */
+  const fum_vi turn = __builtin_convertvector(range, fum_vi) + 1;
+  int32_t turns[FUM_LANES];
+  memcpy(turns, &turn, sizeof turns);
+  for (uint32_t left = taken; left != 0;) {
+    const int32_t slab = turns[__builtin_ctz(left)];
+    const uint32_t alike = fum_vi_bits(turn == slab) & left;
+    join_queue(q, slab, alike, column, row, range, index);
+    left &= ~alike;
   }
-  spot here[FUM_LANES];
-  put_spots(column, row, range, first, here);
-  int32_t found = 0;
-  for (uint32_t left = taken; left != 0; left &= left - 1)
-    out[found++] = here[__builtin_ctz(left)];
-  return found;
+}
+
+/* The slab at whose turn the first receivers of a node may be read, or the one before, as places are rounded. */
+static int32_t find_turn(const patch *p, const fum_octree_node *node) {
+  const fum_sweep_view *view = p->job->view;
+  const fum_sweep_level *level = p->job->level;
+  const float *l = node->lower, *u = node->upper, reference = (float)view->reference;
+  const fum_vec3 middle = {0.5F * (l[0] + u[0]), 0.5F * (l[1] + u[1]), 0.5F * (l[2] + u[2])};
+  const fum_vec3 from = fum_sub(middle, view->middle);
+  const float radius = 0.5F * fum_length((fum_vec3){u[0] - l[0], u[1] - l[1], u[2] - l[2]});
+  const float last = (float)(level->slab_count - 1);
+  float range = fum_dot(from, p->axis) - radius;
+  if (!view->is_parallel) {
+    const float distance = fum_length(fum_mad(from, 1.0F, p->job->to_middle)) - radius;
+    const float share = (distance - reference) / (distance + reference), squared = share * share;
+    if (!(distance > 0.0F)) return 0;
+    range = 2.0F * share * (1.0F + squared * (0.33333333F + squared * (0.2F + squared * 0.14285714F)));
+  }
+  const float turn = (range - level->first) / level->slab;
+  return turn > 0.0F ? (int32_t)(turn < last ? turn : last) : 0;
 }

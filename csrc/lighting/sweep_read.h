@@ -4,17 +4,29 @@
 /* Faces, rows and columns that a receiver is read from along each axis. */
 enum { TAPS = 4 };
 
-/* Cells from which receivers are read. */
-static area find_area(const patch *p, const spot *receivers, int64_t count) {
-  fum_quad low = {INFINITY, INFINITY}, high = {0.0F};
-  for (int64_t i = 0; i < count; i++) {
-    fum_quad at;
-    memcpy(&at, &receivers[i], sizeof at);
-    low = fum_quad_min(low, at);
-    high = fum_quad_max(high, at);
+static float least_of(fum_vf v) {
+  float least = INFINITY;
+  for (int32_t k = 0; k < FUM_LANES; k++)
+    least = v[k] < least ? v[k] : least;
+  return least;
+}
+
+/* Cells from which the receivers of a slab are read. */
+static area find_area(const patch *p, const chunk *last) {
+  const fum_vf far = fum_vf_set(INFINITY);
+  fum_vf left = far, top = far, right = far, bottom = far; /* the latter two negative */
+  for (const chunk *c = last; c != NULL; c = c->before) {
+    for (int32_t k = 0; k < c->count; k += FUM_LANES) {
+      const fum_vi is_there = fum_vi_load(LANE_NUMBERS) < c->count - k;
+      const fum_vf column = fum_vf_load(c->columns + k), row = fum_vf_load(c->rows + k);
+      left = fum_vf_min(fum_vf_select(is_there, column, far), left);
+      top = fum_vf_min(fum_vf_select(is_there, row, far), top);
+      right = fum_vf_min(fum_vf_select(is_there, -column, far), right);
+      bottom = fum_vf_min(fum_vf_select(is_there, -row, far), bottom);
+    }
   }
-  return (area){at_least(floorf(low[0]) - 1.0F, 0), at_least(floorf(low[1]) - 1.0F, 0),
-                at_most(high[0] + 3.0F, p->columns), at_most(high[1] + 3.0F, p->rows)};
+  return (area){at_least(floorf(least_of(left)) - 1.0F, 0), at_least(floorf(least_of(top)) - 1.0F, 0),
+                at_most(3.0F - least_of(right), p->columns), at_most(3.0F - least_of(bottom), p->rows)};
 }
 
 /* Copies the faces that receivers between the second and the third of them are read from, side by side for each cell:
@@ -54,41 +66,27 @@ static void weigh_taps(fum_vf t, fum_quad weights[FUM_LANES]) {
   }
 }
 
-/* Places of spots, FUM_LANES of them. */
-static void load_spots(const spot *from, fum_vf *column, fum_vf *row, fum_vf *range) {
-  float values[TAPS][FUM_LANES];
-  for (int32_t k = 0; k < FUM_LANES; k += 4) {
-    fum_quad quads[4];
-    memcpy(quads, from + k, sizeof quads);
-    fum_quad_transpose(quads);
-    for (int32_t r = 0; r < 4; r++)
-      memcpy(values[r] + k, &quads[r], sizeof *quads);
-  }
-  *column = fum_vf_load(values[0]);
-  *row = fum_vf_load(values[1]);
-  *range = fum_vf_load(values[2]);
-}
-
-/* Optical depths in front of the first FUM_LANES of `count` receivers, which are behind face `before`, from the faces
- * taken. */
-static void read_depths(const patch *p, const spot *receivers, int64_t count, int32_t before) {
-  fum_quad weights[3][FUM_LANES];
-  fum_vf column, row, range;
-  int32_t firsts[FUM_LANES];
-  load_spots(receivers, &column, &row, &range);
+/* Optical depths in front of receivers from `first` on, FUM_LANES at most, which are behind face `before`, from the
+ * faces taken. */
+static void read_depths(const patch *p, const chunk *c, int32_t first, int32_t before) {
+  const fum_vf column = fum_vf_load(c->columns + first), row = fum_vf_load(c->rows + first);
   const fum_vi x = __builtin_convertvector(column, fum_vi), y = __builtin_convertvector(row, fum_vi);
   const fum_vi is_here = (x >= 1) & (y >= 1) & (x + 2 < p->columns) & (y + 2 < p->rows);
-  const fum_vi first = ((y - 1) * p->columns + x - 1) * TAPS & is_here;
-  weigh_taps(column - __builtin_convertvector(x, fum_vf), weights[0]);
-  weigh_taps(row - __builtin_convertvector(y, fum_vf), weights[1]);
-  weigh_taps(range - (float)before, weights[2]);
-  memcpy(firsts, &first, sizeof firsts);
+  const fum_vi corner = ((y - 1) * p->columns + x - 1) * TAPS & is_here;
   const uint32_t are_here = fum_vi_bits(is_here);
   const int64_t step = (int64_t)TAPS * p->columns;
+  const int32_t *indices = c->indices + first, count = c->count - first;
+  int32_t corners[FUM_LANES];
+  fum_quad weights[3][FUM_LANES];
+  memcpy(corners, &corner, sizeof corners);
+  weigh_taps(column - __builtin_convertvector(x, fum_vf), weights[0]);
+  weigh_taps(row - __builtin_convertvector(y, fum_vf), weights[1]);
+  weigh_taps(fum_vf_load(c->ranges + first) - (float)before, weights[2]);
   for (int32_t k = 0; k < FUM_LANES && k < count; k++) {
-    const float *taps = p->faces + firsts[k], *const rows[TAPS] = {taps, taps + step, taps + 2 * step, taps + 3 * step};
+    const float *taps = p->faces + corners[k];
+    const float *const rows[TAPS] = {taps, taps + step, taps + 2 * step, taps + 3 * step};
     const float depth = fum_quad_contract(weights[0][k], weights[1][k], weights[2][k], rows);
-    __builtin_prefetch(&p->job->depths[receivers[k + AHEAD].index]);
-    if ((are_here >> k & 1) != 0) p->job->depths[receivers[k].index] += depth > 0.0F ? depth : 0.0F;
+    __builtin_prefetch(&p->job->depths[(uint32_t)indices[k + AHEAD]]);
+    if ((are_here >> k & 1) != 0) p->job->depths[(uint32_t)indices[k]] += depth > 0.0F ? depth : 0.0F;
   }
 }
