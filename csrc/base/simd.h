@@ -86,26 +86,36 @@ static inline void fum_quad_add_outer(fum_quad a, fum_quad last, fum_quad b, flo
 #endif
 }
 
-/* Sum over i, j and k of x[i] y[j] z[k] rows[j][4 i + k]. */
-static inline float fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, const float *const rows[4]) {
+/* Four numbers that add up to the sum over i, j and k of x[i] y[j] z[k] rows[j][4 i + k]. */
+static inline fum_quad fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, const float *const rows[4]) {
   typedef float quads __attribute__((vector_size(64)));
-  quads sum = {0.0F}, row;
-  for (int j = 0; j < 4; j++) {
-    memcpy(&row, rows[j], sizeof row);
-    sum += y[j] * row;
-  }
+  quads values[4];
+  for (int j = 0; j < 4; j++)
+    memcpy(&values[j], rows[j], sizeof *values);
+  quads sum = (y[0] * values[0] + y[1] * values[1]) + (y[2] * values[2] + y[3] * values[3]);
 #if defined(__AVX512F__) /* compilers widen quads on ways through memory */
   const __m512i each = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
-  sum *= (quads)_mm512_permutexvar_ps(each, _mm512_castps128_ps512((__m128)x));
-  sum *= (quads)_mm512_broadcast_f32x4((__m128)z);
+  sum *=
+      (quads)_mm512_permutexvar_ps(each, _mm512_castps128_ps512((__m128)x)) * (quads)_mm512_broadcast_f32x4((__m128)z);
 #else
-  sum *= __builtin_shufflevector(x, x, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
-  sum *= __builtin_shufflevector(z, z, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+  sum *= __builtin_shufflevector(x, x, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3) *
+         __builtin_shufflevector(z, z, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
 #endif
-  const fum_quad four =
-      (__builtin_shufflevector(sum, sum, 0, 1, 2, 3) + __builtin_shufflevector(sum, sum, 8, 9, 10, 11)) +
-      (__builtin_shufflevector(sum, sum, 4, 5, 6, 7) + __builtin_shufflevector(sum, sum, 12, 13, 14, 15));
-  return (four[0] + four[2]) + (four[1] + four[3]);
+  return (__builtin_shufflevector(sum, sum, 0, 1, 2, 3) + __builtin_shufflevector(sum, sum, 8, 9, 10, 11)) +
+         (__builtin_shufflevector(sum, sum, 4, 5, 6, 7) + __builtin_shufflevector(sum, sum, 12, 13, 14, 15));
+}
+
+/* The sum of each of FUM_LANES quads, which are lost. */
+static inline fum_vf fum_quads_sum(fum_quad quads[FUM_LANES]) {
+  float sums[FUM_LANES];
+  for (int k = 0; k < FUM_LANES; k += 4) {
+    fum_quad_transpose(quads + k);
+    const fum_quad sum = (quads[k] + quads[k + 1]) + (quads[k + 2] + quads[k + 3]);
+    memcpy(sums + k, &sum, sizeof sum);
+  }
+  fum_vf all;
+  memcpy(&all, sums, sizeof all);
+  return all;
 }
 
 static inline fum_vf fum_vf_set(float value) {

@@ -46,7 +46,7 @@ static void find_strengths(const fum_gathering *g, const fum_lamp *lamp, const f
                            float *out_strengths, uint8_t *out_is_lit) {
   const fum_octree *octree = g->receivers->octree;
   const bool meets_solids = g->solids != NULL && lamp->desc.casts_shadows != 0;
-#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 1)
+#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(dynamic, 8)
   for (int64_t stretch = 0; stretch < stretches_of(octree->count); stretch++) {
     if (fum_progress_in_loop(g->context, stretch, 16)) continue;
     const int64_t first = stretch * STRETCH, left = octree->count - first, count = left < STRETCH ? left : STRETCH;

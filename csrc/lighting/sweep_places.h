@@ -247,5 +247,5 @@ static int32_t find_turn(const patch *p, const fum_octree_node *node) {
     range = 2.0F * share * (1.0F + squared * (0.33333333F + squared * (0.2F + squared * 0.14285714F)));
   }
   const float turn = (range - level->first) / level->slab;
-  return turn > 0.0F ? (int32_t)(turn < last ? turn : last) : 0;
+  return turn > 0.0F ? (int32_t)(turn < last ? turn : last) / 16 * 16 : 0;
 }

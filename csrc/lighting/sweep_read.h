@@ -73,20 +73,23 @@ static void read_depths(const patch *p, const chunk *c, int32_t first, int32_t b
   const fum_vi x = __builtin_convertvector(column, fum_vi), y = __builtin_convertvector(row, fum_vi);
   const fum_vi is_here = (x >= 1) & (y >= 1) & (x + 2 < p->columns) & (y + 2 < p->rows);
   const fum_vi corner = ((y - 1) * p->columns + x - 1) * TAPS & is_here;
-  const uint32_t are_here = fum_vi_bits(is_here);
   const int64_t step = (int64_t)TAPS * p->columns;
-  const int32_t *indices = c->indices + first, count = c->count - first;
+  const int32_t left = c->count - first, count = left < FUM_LANES ? left : FUM_LANES;
   int32_t corners[FUM_LANES];
-  fum_quad weights[3][FUM_LANES];
+  float found[FUM_LANES];
+  fum_quad weights[3][FUM_LANES], sums[FUM_LANES] = {{0.0F}};
   memcpy(corners, &corner, sizeof corners);
   weigh_taps(column - __builtin_convertvector(x, fum_vf), weights[0]);
   weigh_taps(row - __builtin_convertvector(y, fum_vf), weights[1]);
   weigh_taps(fum_vf_load(c->ranges + first) - (float)before, weights[2]);
-  for (int32_t k = 0; k < FUM_LANES && k < count; k++) {
+  for (int32_t k = 0; k < count; k++) {
     const float *taps = p->faces + corners[k];
     const float *const rows[TAPS] = {taps, taps + step, taps + 2 * step, taps + 3 * step};
-    const float depth = fum_quad_contract(weights[0][k], weights[1][k], weights[2][k], rows);
-    __builtin_prefetch(&p->job->depths[(uint32_t)indices[k + AHEAD]]);
-    if ((are_here >> k & 1) != 0) p->job->depths[(uint32_t)indices[k]] += depth > 0.0F ? depth : 0.0F;
+    __builtin_prefetch(&p->job->depths[(uint32_t)c->indices[first + k + AHEAD]]);
+    sums[k] = fum_quad_contract(weights[0][k], weights[1][k], weights[2][k], rows);
   }
+  const fum_vf depth = fum_vf_at_least(fum_quads_sum(sums), 0.0F);
+  fum_vf_store(found, fum_vf_select(is_here, depth, fum_vf_set(0.0F)));
+  for (int32_t k = 0; k < count; k++)
+    p->job->depths[(uint32_t)c->indices[first + k]] += found[k];
 }
