@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "lighting/gather.h"
 
+#include "base/simd.h"
+
 #include <string.h>
 
 fum_vec3 fum_direction_to_viewer(const fum_viewpoint *viewpoint, fum_vec3 point) {
@@ -76,24 +78,53 @@ static int32_t find_depths(const fum_gathering *g, const fum_lamp *lamp, const f
   return FUM_OK;
 }
 
-/* Adds what arrives of a sample to those before; the first is written to fresh memory. */
-static void add_sample(const fum_gathering *g, bool is_first, const float *strengths, const uint8_t *is_lit,
-                       const float *depths, float *sums) {
-#pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
-  for (int64_t i = 0; i < g->receivers->octree->count; i++) {
-    const float own = is_lit[i] ? strengths[i] * expf(-depths[i]) : 0.0F;
-    sums[i] = is_first ? own : sums[i] + own;
+/* What arrives of a sample at receivers next to each other. */
+static void find_arriving(int64_t count, const float *strengths, const uint8_t *is_lit, const float *depths,
+                          float *out) {
+  const float log2_e = 1.44269504F;
+  const int64_t whole = count / FUM_LANES * FUM_LANES;
+  for (int64_t k = 0; k < whole; k += FUM_LANES)
+    fum_vf_store(out + k, fum_vf_load(strengths + k) * fum_vf_exp2(-log2_e * fum_vf_load(depths + k)));
+  for (int64_t k = whole; k < count; k++)
+    out[k] = strengths[k] * expf(-depths[k]);
+  for (int64_t k = 0; k < count; k++)
+    out[k] = is_lit[k] ? out[k] : 0.0F;
+}
+
+static void put_colors(const float color[3], int64_t count, const float *light, bool adds, float *out_rgb) {
+  const float red = color[0], green = color[1], blue = color[2];
+  for (int64_t k = 0; k < count; k++) {
+    float *rgb = out_rgb + 3 * k;
+    rgb[0] = (adds ? rgb[0] : 0.0F) + red * light[k];
+    rgb[1] = (adds ? rgb[1] : 0.0F) + green * light[k];
+    rgb[2] = (adds ? rgb[2] : 0.0F) + blue * light[k];
   }
 }
 
-static void color_sums(const fum_gathering *g, const float color[3], const float *sums, bool adds, float *out_rgb) {
-  const float red = color[0], green = color[1], blue = color[2];
+/* A sample of a light on its way into the light's sum, or with the last one into the result. */
+typedef struct arrival {
+  const float *strengths, *depths; /* [count] */
+  const uint8_t *is_lit;           /* [count] */
+  bool is_first, is_last, adds;    /* of the light; the result has light already */
+  float *sums;                     /* [count]; NULL: this is the only one */
+  float *out_rgb;                  /* [3 count] */
+} arrival;
+
+/* What isn't to be added to is written without being read: it may be fresh memory. */
+static void add_sample(const fum_gathering *g, const float color[3], const arrival *a) {
+  const int64_t total = g->receivers->octree->count;
 #pragma omp parallel for num_threads(fum_thread_count(g->context)) schedule(static)
-  for (int64_t i = 0; i < g->receivers->octree->count; i++) {
-    float *rgb = out_rgb + 3 * i;
-    rgb[0] = (adds ? rgb[0] : 0.0F) + red * sums[i];
-    rgb[1] = (adds ? rgb[1] : 0.0F) + green * sums[i];
-    rgb[2] = (adds ? rgb[2] : 0.0F) + blue * sums[i];
+  for (int64_t stretch = 0; stretch < stretches_of(total); stretch++) {
+    const int64_t first = stretch * STRETCH, left = total - first, count = left < STRETCH ? left : STRETCH;
+    float own[STRETCH];
+    find_arriving(count, a->strengths + first, a->is_lit + first, a->depths + first, own);
+    for (int64_t k = 0; k < count && !a->is_first; k++)
+      own[k] += a->sums[first + k];
+    if (a->is_last) {
+      put_colors(color, count, own, a->adds, a->out_rgb + 3 * first);
+    } else {
+      memcpy(a->sums + first, own, (size_t)count * sizeof *own);
+    }
   }
 }
 
@@ -101,7 +132,7 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
                          float *out_rgb) {
   fum_context *context = g->context;
   const int64_t count = g->receivers->octree->count;
-  float *strengths = NULL, *depths = NULL, *sums = NULL; /* a single sample's sums are its strengths, used up */
+  float *strengths = NULL, *depths = NULL, *sums = NULL;
   uint8_t *is_lit = NULL;
   int32_t status = fum_alloc(context, count, sizeof *strengths, "lighting", &strengths);
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *depths, "lighting", &depths);
@@ -117,9 +148,9 @@ int32_t fum_gather_light(const fum_gathering *g, const fum_lamp *lamp, const flo
     status = find_depths(g, lamp, &emitter, is_lit, (float[2]){from, from + step}, depths);
     if (status != FUM_OK) break;
     if (g->listen != NULL) g->listen(g->listen_user, lamp, &emitter, is_lit, depths);
-    add_sample(g, sample == 0, strengths, is_lit, depths, sums != NULL ? sums : strengths);
+    const bool is_last = sample + 1 == lamp->sample_count;
+    add_sample(g, lamp->color, &(arrival){strengths, depths, is_lit, sample == 0, is_last, adds, sums, out_rgb});
   }
-  if (status == FUM_OK) color_sums(g, lamp->color, sums != NULL ? sums : strengths, adds, out_rgb);
   fum_free(context, &is_lit);
   fum_free(context, &sums);
   fum_free(context, &depths);
