@@ -152,15 +152,20 @@ static void sort_casters(int64_t count, const footprint *footprints, int32_t sla
   memset(order + count, 0, AHEAD * sizeof *order);
 }
 
+/* The node of an entry of a patch's list. */
+static const fum_octree_node *node_of(const fum_octree *octree, uint32_t entry) {
+  return &octree->nodes[entry & ~FUM_SWEEP_WHOLE];
+}
+
 /* The order of nodes by the turns of their first receivers. */
 static void sort_nodes(const patch *p, int64_t count, const uint32_t *nodes, uint32_t *begins, uint32_t *order) {
   const int32_t slab_count = p->job->level->slab_count;
   memset(begins, 0, ((size_t)slab_count + 2) * sizeof *begins);
   for (int64_t i = 0; i < count; i++)
-    begins[find_turn(p, &p->job->points->nodes[nodes[i]]) + 2]++;
+    begins[find_turn(p, node_of(p->job->points, nodes[i])) + 2]++;
   begin_slabs(slab_count, begins);
   for (int64_t i = 0; i < count; i++)
-    order[begins[find_turn(p, &p->job->points->nodes[nodes[i]]) + 1]++] = nodes[i];
+    order[begins[find_turn(p, node_of(p->job->points, nodes[i])) + 1]++] = nodes[i];
 }
 
 /* Opens BATCH faces more, behind all casters so far, in the place of the first ones. */
@@ -180,14 +185,17 @@ static void advance(patch *p) {
 /* Points of leaves that lie one after the other. */
 typedef struct stretch {
   int64_t begin, end;
+  bool is_whole; /* all in the patch */
 } stretch;
 
 /* The stretch from leaf `*next` of a list on; moves that behind it. */
 static stretch take_stretch(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count, int64_t *next) {
-  const fum_octree_node *leaf = &octree->nodes[leaves[(*next)++]];
-  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count};
-  while (*next < leaf_count && octree->nodes[leaves[*next]].begin == s.end)
-    s.end += octree->nodes[leaves[(*next)++]].count;
+  const bool is_whole = (leaves[*next] & FUM_SWEEP_WHOLE) != 0;
+  const fum_octree_node *leaf = node_of(octree, leaves[(*next)++]);
+  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count, is_whole};
+  while (*next < leaf_count && node_of(octree, leaves[*next])->begin == s.end &&
+         ((leaves[*next] & FUM_SWEEP_WHOLE) != 0) == is_whole)
+    s.end += node_of(octree, leaves[(*next)++])->count;
   return s;
 }
 
@@ -195,7 +203,7 @@ static void queue_receivers(const patch *p, const uint32_t *nodes, int64_t count
   for (int64_t next = 0; next < count;) {
     const stretch s = take_stretch(p->job->points, nodes, count, &next);
     for (int64_t i = s.begin; i < s.end; i += FUM_LANES)
-      queue_points(p, i, s.end - i, q);
+      queue_points(p, i, s.end - i, s.is_whole, q);
   }
 }
 
@@ -241,7 +249,7 @@ static void sweep_patch(patch *p, const contents *c, queue *q) {
 static int64_t count_points(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count) {
   int64_t count = 0;
   for (int64_t k = 0; k < leaf_count; k++)
-    count += octree->nodes[leaves[k]].count;
+    count += node_of(octree, leaves[k])->count;
   return count;
 }
 

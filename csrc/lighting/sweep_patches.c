@@ -133,18 +133,30 @@ static bool is_together(const fum_octree_node *node) {
   return node->children == 0 || node->count <= MOST_TOGETHER;
 }
 
+/* Distance of a ball around receivers from the light, and its radius with room for rounding. */
+static float find_rounded(const sorting *s, const fum_octree_node *node, float *out_distance) {
+  *out_distance = fum_length(see_plainly(s->view, middle_of(node)));
+  return 1.001F * radius_of(node) + 1e-5F * *out_distance;
+}
+
+static bool is_behind_begin(const sorting *s, const fum_octree_node *node) {
+  float distance;
+  const float radius = find_rounded(s, node, &distance);
+  return s->view->is_parallel || distance - radius >= (float)s->level->begin;
+}
+
 /* The ball of a node of casters or receivers that patches are told of; negative: of none. */
 static float find_ball(const sorting *s, bool is_casters, const fum_octree_node *node) {
-  const float radius = radius_of(node), nothing = -1.0F;
+  const float nothing = -1.0F;
+  float distance;
   if (is_casters) {
     const float reach = node->children == 0 ? reach_of(s, node) : 0.0F;
-    return reach > 0.0F ? radius + reach : nothing;
+    return reach > 0.0F ? radius_of(node) + reach : nothing;
   }
   if (!is_together(node)) return nothing;
-  const float distance = fum_length(see_plainly(s->view, middle_of(node)));
-  const float rounded = 1.001F * radius + 1e-5F * distance;
-  if (!s->view->is_parallel && distance + rounded < (float)s->level->begin) return nothing;
-  return has_lit(s, node) ? rounded : nothing;
+  const float radius = find_rounded(s, node, &distance);
+  if (!s->view->is_parallel && distance + radius < (float)s->level->begin) return nothing;
+  return has_lit(s, node) ? radius : nothing;
 }
 
 /* Where a node is: on a face, or one of these; its children are to be asked instead of a divided one. */
@@ -152,6 +164,7 @@ enum { NOWHERE = -1, DIVIDED = -2, ON_SEVERAL_FACES = FUM_SWEEP_FACES };
 
 typedef struct place {
   int8_t face;
+  bool is_whole; /* receivers, all in one patch */
   span span;
 } place;
 
@@ -161,11 +174,11 @@ typedef struct filling {
   uint32_t *list;   /* NULL: only counted */
 } filling;
 
-static void put(const fum_sweep_face *face, span s, int64_t leaf, const filling *f) {
+static void put(const fum_sweep_face *face, span s, uint32_t entry, const filling *f) {
   for (int32_t row = s.begin[1]; row < s.end[1]; row++) {
     for (int32_t column = s.begin[0]; column < s.end[0]; column++) {
       const int64_t at = f->cursors[face->first_patch + (int64_t)row * face->columns + column]++;
-      if (f->list != NULL) f->list[at] = (uint32_t)leaf;
+      if (f->list != NULL) f->list[at] = entry;
     }
   }
 }
@@ -189,11 +202,12 @@ static place find_place(const sorting *s, bool is_casters, const fum_octree_node
   span on_face;
   if (radius < 0.0F) return found;
   for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
-    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), on_face};
+    found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), false, on_face};
   const span *own = &found.span;
-  const bool is_in_one =
-      found.face != ON_SEVERAL_FACES && own->end[0] - own->begin[0] == 1 && own->end[1] - own->begin[1] == 1;
-  if (!is_casters && node->children != 0 && found.face != NOWHERE && !is_in_one) found.face = DIVIDED;
+  if (is_casters || found.face == NOWHERE) return found;
+  found.is_whole = found.face != ON_SEVERAL_FACES && own->end[0] - own->begin[0] == 1 &&
+                   own->end[1] - own->begin[1] == 1 && is_behind_begin(s, node);
+  if (node->children != 0 && !found.is_whole) found.face = DIVIDED;
   return found;
 }
 
@@ -210,9 +224,9 @@ static void put_node(const sorting *s, bool is_casters, int64_t i, place *places
     const float radius = find_ball(s, is_casters, node);
     span on_face;
     for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
-      put(&s->view->faces[n], on_face, i, f);
+      put(&s->view->faces[n], on_face, (uint32_t)i, f);
   } else if (at.face != NOWHERE) {
-    put(&s->view->faces[at.face], at.span, i, f);
+    put(&s->view->faces[at.face], at.span, (uint32_t)i | (at.is_whole ? FUM_SWEEP_WHOLE : 0), f);
   }
 }
 
@@ -240,7 +254,7 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
                     uint32_t **out_list) {
   const char *what = "patches of a light";
   const int64_t count = (is_casters ? s->casters : s->points)->node_count;
-  const int blocks = fum_thread_count(context);
+  const int threads = fum_thread_count(context), blocks = threads > 1 ? 8 * threads : 1;
   int64_t *cursors = NULL, total = 0;
   place *places = NULL;
   uint8_t *is_below = NULL;
@@ -249,7 +263,7 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
   if (status == FUM_OK) status = fum_alloc(context, count, sizeof *is_below, what, &is_below);
   if (status != FUM_OK) goto done;
   if (!is_casters) mark_below(s->points, is_below);
-#pragma omp parallel for num_threads(blocks) schedule(static, 1)
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
   for (int block = 0; block < blocks; block++) {
     const filling f = {cursors + block * patch_count, NULL};
     put_block(s, is_casters, is_below, block, blocks, places, &f);
@@ -265,7 +279,7 @@ static int32_t fill(fum_context *context, const sorting *s, bool is_casters, int
   begins[patch_count] = total;
   status = fum_alloc(context, total, sizeof **out_list, what, out_list);
   if (status != FUM_OK) goto done;
-#pragma omp parallel for num_threads(blocks) schedule(static, 1)
+#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
   for (int block = 0; block < blocks; block++) {
     const filling f = {cursors + block * patch_count, *out_list};
     put_block(s, is_casters, is_below, block, blocks, places, &f);

@@ -26,8 +26,12 @@ typedef struct fum_sweep_patches {
   int64_t count;
   fum_sweep_patch *order;                   /* [count] those with most leaves first */
   int64_t *caster_begins, *receiver_begins; /* [count + 1] */
-  uint32_t *casters, *receivers;            /* nodes of their octrees: leaves, of receivers larger ones as well */
+  uint32_t *casters;                        /* leaves of their octree */
+  uint32_t *receivers;                      /* nodes of theirs, with... */
 } fum_sweep_patches;
+
+/* ...this where the whole node is in the patch. */
+static const uint32_t FUM_SWEEP_WHOLE = UINT32_C(1) << 31;
 
 /* Sigmas along the rays over which a caster is spread; what lies beyond is at its ends. */
 static const float FUM_SWEEP_SPREAD = 3.3F;

@@ -198,20 +198,25 @@ static uint32_t find_lit(const uint8_t *is_lit, int64_t count) {
 
 static const int32_t LANE_NUMBERS[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
-/* Queues the lit receivers among `count` from `first` on that are in the patch, FUM_LANES at most. Whatever patch asks,
- * the same is found: each is in one. */
-static void queue_points(const patch *p, int64_t first, int64_t count, queue *q) {
+/* Bits of those among points that are in the patch. Whatever patch asks, the same is found: each is in one. */
+static uint32_t find_here(const patch *p, const points *at) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_face *face = &view->faces[p->face];
-  const points at = load_points(view, p->job->points, first);
-  const fum_vf x = dot(at.x, at.y, at.z, face->right) + face->offset[0];
-  const fum_vf y = dot(at.x, at.y, at.z, face->up) + face->offset[1];
-  const fum_vf z = dot(at.x, at.y, at.z, face->axis) + face->offset[2];
+  const fum_vf x = dot(at->x, at->y, at->z, face->right) + face->offset[0];
+  const fum_vf y = dot(at->x, at->y, at->z, face->up) + face->offset[1];
+  const fum_vf z = dot(at->x, at->y, at->z, face->axis) + face->offset[2];
   const fum_vf per_depth = view->is_parallel ? fum_vf_set(1.0F) : 1.0F / z;
   fum_vi is_here = are_in_patch(p, 0, x * per_depth) & are_in_patch(p, 1, y * per_depth) & (per_depth > 0.0F);
-  if (view->face_count > 1) is_here &= are_on_face(p, &at);
+  if (view->face_count > 1) is_here &= are_on_face(p, at);
   if (!view->is_parallel) is_here &= x * x + y * y + z * z >= (float)(p->job->level->begin * p->job->level->begin);
-  const uint32_t taken = fum_vi_bits(is_here) & find_lit(p->job->is_lit + first, count);
+  return fum_vi_bits(is_here);
+}
+
+/* Queues the lit receivers among `count` from `first` on that are in the patch (`is_whole`: all are), FUM_LANES at
+ * most. */
+static void queue_points(const patch *p, int64_t first, int64_t count, bool is_whole, queue *q) {
+  const points at = load_points(p->job->view, p->job->points, first);
+  const uint32_t taken = find_lit(p->job->is_lit + first, count) & (is_whole ? UINT32_MAX : find_here(p, &at));
   if (taken == 0) return;
   const float per_cell = 1.0F / p->job->level->cell, last = (float)(p->job->level->slab_count - 2);
   const places found = find_places(p, &at);

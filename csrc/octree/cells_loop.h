@@ -87,8 +87,12 @@ static void load_row(const float (*sums)[SUMS], const uint16_t *cells, int32_t c
     out[n] = fum_vf_load(values[n]);
 }
 
-static void put(fum_vf values, int32_t count, float *out) {
-  memcpy(out, &values, (size_t)count * sizeof *out);
+static inline void put(fum_vf values, int32_t count, float *out) {
+  if (count == FUM_LANES) {
+    fum_vf_store(out, values);
+  } else {
+    memcpy(out, &values, (size_t)count * sizeof *out);
+  }
 }
 
 /* The Gaussians with the masses, centroids and second moments of cells, FUM_LANES at most. */
