@@ -86,13 +86,14 @@ static inline void fum_quad_add_outer(fum_quad a, fum_quad last, fum_quad b, flo
 #endif
 }
 
-/* Four numbers that add up to the sum over i, j and k of x[i] y[j] z[k] rows[j][4 i + k]. */
-static inline fum_quad fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, const float *const rows[4]) {
+/* Four numbers that add up to the sum over i, j and k of x[i] y[FUM_LANES j] z[k] rows[j][4 i + k]. */
+static inline fum_quad fum_quad_contract(fum_quad x, const float *y, fum_quad z, const float *const rows[4]) {
   typedef float quads __attribute__((vector_size(64)));
   quads values[4];
   for (int j = 0; j < 4; j++)
     memcpy(&values[j], rows[j], sizeof *values);
-  quads sum = (y[0] * values[0] + y[1] * values[1]) + (y[2] * values[2] + y[3] * values[3]);
+  quads sum =
+      (y[0] * values[0] + y[FUM_LANES] * values[1]) + (y[2 * FUM_LANES] * values[2] + y[3 * FUM_LANES] * values[3]);
 #if defined(__AVX512F__) /* compilers widen quads on ways through memory */
   const __m512i each = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   sum *=
@@ -103,6 +104,18 @@ static inline fum_quad fum_quad_contract(fum_quad x, fum_quad y, fum_quad z, con
 #endif
   return (__builtin_shufflevector(sum, sum, 0, 1, 2, 3) + __builtin_shufflevector(sum, sum, 8, 9, 10, 11)) +
          (__builtin_shufflevector(sum, sum, 4, 5, 6, 7) + __builtin_shufflevector(sum, sum, 12, 13, 14, 15));
+}
+
+/* From four vectors to a quad for each lane. */
+static inline void fum_quads_from(const fum_vf rows[4], fum_quad out[FUM_LANES]) {
+  float values[4][FUM_LANES];
+  for (int r = 0; r < 4; r++)
+    memcpy(values[r], &rows[r], sizeof values[r]);
+  for (int k = 0; k < FUM_LANES; k += 4) {
+    for (int r = 0; r < 4; r++)
+      memcpy(&out[k + r], values[r] + k, sizeof *out);
+    fum_quad_transpose(out + k);
+  }
 }
 
 /* The sum of each of FUM_LANES quads, which are lost. */

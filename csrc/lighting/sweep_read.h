@@ -50,20 +50,14 @@ static void take_faces(const patch *p, int32_t first, area of) {
   }
 }
 
-/* Weights of the cubic B-spline along an axis, a quad for each place between the second and the third tap. */
-static void weigh_taps(fum_vf t, fum_quad weights[FUM_LANES]) {
+/* Weights of the cubic B-spline along an axis, for places between the second and the third tap. */
+static inline void weigh_taps(fum_vf t, fum_vf weights[TAPS]) {
   const fum_vf s = 1.0F - t;
   const float sixth = 0.16666667F;
-  float values[TAPS][FUM_LANES];
-  fum_vf_store(values[0], s * s * s * sixth);
-  fum_vf_store(values[1], (4.0F + t * t * (3.0F * t - 6.0F)) * sixth);
-  fum_vf_store(values[2], (4.0F + s * s * (3.0F * s - 6.0F)) * sixth);
-  fum_vf_store(values[3], t * t * t * sixth);
-  for (int32_t k = 0; k < FUM_LANES; k += TAPS) {
-    for (int32_t tap = 0; tap < TAPS; tap++)
-      memcpy(&weights[k + tap], values[tap] + k, sizeof *weights);
-    fum_quad_transpose(weights + k);
-  }
+  weights[0] = s * s * s * sixth;
+  weights[1] = (4.0F + t * t * (3.0F * t - 6.0F)) * sixth;
+  weights[2] = (4.0F + s * s * (3.0F * s - 6.0F)) * sixth;
+  weights[3] = t * t * t * sixth;
 }
 
 /* Optical depths in front of receivers from `first` on, FUM_LANES at most, which are behind face `before`, from the
@@ -77,16 +71,21 @@ static void read_depths(const patch *p, const chunk *c, int32_t first, int32_t b
   const int32_t left = c->count - first, count = left < FUM_LANES ? left : FUM_LANES;
   int32_t corners[FUM_LANES];
   float found[FUM_LANES];
-  fum_quad weights[3][FUM_LANES], sums[FUM_LANES] = {{0.0F}};
+  fum_vf weights[TAPS];
+  float of_rows[TAPS][FUM_LANES];
+  fum_quad of_columns[FUM_LANES], of_faces[FUM_LANES], sums[FUM_LANES] = {{0.0F}};
   memcpy(corners, &corner, sizeof corners);
-  weigh_taps(column - __builtin_convertvector(x, fum_vf), weights[0]);
-  weigh_taps(row - __builtin_convertvector(y, fum_vf), weights[1]);
-  weigh_taps(fum_vf_load(c->ranges + first) - (float)before, weights[2]);
+  weigh_taps(column - __builtin_convertvector(x, fum_vf), weights);
+  fum_quads_from(weights, of_columns);
+  weigh_taps(fum_vf_load(c->ranges + first) - (float)before, weights);
+  fum_quads_from(weights, of_faces);
+  weigh_taps(row - __builtin_convertvector(y, fum_vf), weights);
+  memcpy(of_rows, weights, sizeof of_rows);
   for (int32_t k = 0; k < count; k++) {
     const float *taps = p->faces + corners[k];
     const float *const rows[TAPS] = {taps, taps + step, taps + 2 * step, taps + 3 * step};
     __builtin_prefetch(&p->job->depths[(uint32_t)c->indices[first + k + AHEAD]]);
-    sums[k] = fum_quad_contract(weights[0][k], weights[1][k], weights[2][k], rows);
+    sums[k] = fum_quad_contract(of_columns[k], &of_rows[0][k], of_faces[k], rows);
   }
   const fum_vf depth = fum_vf_at_least(fum_quads_sum(sums), 0.0F);
   fum_vf_store(found, fum_vf_select(is_here, depth, fum_vf_set(0.0F)));

@@ -49,26 +49,14 @@ typedef struct parts {
   float variances[FUM_LANES];
 } parts;
 
-/* From vectors to a quad for each lane. */
-static void to_quads(const fum_vf rows[4], fum_quad out[FUM_LANES]) {
-  float values[4][FUM_LANES];
-  for (int r = 0; r < 4; r++)
-    fum_vf_store(values[r], rows[r]);
-  for (int k = 0; k < FUM_LANES; k += 4) {
-    for (int r = 0; r < 4; r++)
-      memcpy(&out[k + r], values[r] + k, sizeof *out);
-    fum_quad_transpose(out + k);
-  }
-}
-
 static void find_parts(const fum_octree *octree, const fum_cells *c, int64_t first, parts *out) {
   const fum_vf sigma = c->sigma_scale * c->per_metre / fum_vf_load(octree->inverse_sigmas + first);
   const fum_vf variance = sigma * sigma, mass = fum_vf_load(octree->optical_depths + first) * variance;
   const fum_vf x = (fum_vf_load(octree->x + first) - c->lower[0]) * c->per_metre,
                y = (fum_vf_load(octree->y + first) - c->lower[1]) * c->per_metre,
                z = (fum_vf_load(octree->z + first) - c->lower[2]) * c->per_metre;
-  to_quads((fum_vf[4]){x, y, z, fum_vf_set(1.0F)}, out->places);
-  to_quads((fum_vf[4]){mass * x, mass * y, mass * z, mass}, out->weights);
+  fum_quads_from((fum_vf[4]){x, y, z, fum_vf_set(1.0F)}, out->places);
+  fum_quads_from((fum_vf[4]){mass * x, mass * y, mass * z, mass}, out->weights);
   fum_vf_store(out->variances, variance);
 }
 
