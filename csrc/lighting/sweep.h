@@ -33,7 +33,7 @@ typedef enum fum_sweep_buffer {
   FUM_SWEEP_NODE_BEGINS,
   FUM_SWEEP_NODE_ORDER,
   FUM_SWEEP_CHUNKS,
-  FUM_SWEEP_QUEUES,
+  FUM_SWEEP_BATCHES,
   FUM_SWEEP_BUFFER_COUNT
 } fum_sweep_buffer;
 

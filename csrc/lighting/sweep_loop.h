@@ -40,7 +40,7 @@ typedef struct patch {
   float lower[2];         /* window of grid line 0 */
   int32_t columns, rows;
   float *lines; /* [rows][columns][FACES] optical depth in front of faces */
-  float *faces; /* [rows][columns][TAPS] of those that receivers are read from */
+  float *faces; /* [BATCH][rows][columns][TAPS] of those that the receivers of each slab are read from */
   area shaded;  /* cells that anything was added to */
   int32_t open; /* the first face that is open; FACES are */
 } patch;
@@ -207,11 +207,13 @@ static void queue_receivers(const patch *p, const uint32_t *nodes, int64_t count
   }
 }
 
-static void read_receivers(const patch *p, const queue *q, int32_t slab) {
-  take_faces(p, slab - 2, find_area(p, q->last[slab]));
-  for (const chunk *c = q->last[slab]; c != NULL; c = c->before) {
+static void read_receivers(const patch *p, const queue *q, int32_t batch) {
+  const area of = find_area(p, q->last[batch]);
+  for (int32_t k = 0; k < BATCH; k++)
+    take_faces(p, BATCH * batch + k - 2, of, p->faces + faces_size(p) * k);
+  for (const chunk *c = q->last[batch]; c != NULL; c = c->before) {
     for (int32_t k = 0; k < c->count; k += FUM_LANES)
-      read_depths(p, c, k, slab - 1);
+      read_depths(p, c, k);
   }
 }
 
@@ -233,10 +235,8 @@ static void sweep_patch(patch *p, const contents *c, queue *q) {
     add_casters(p, c->footprints, c->casters, added, next_added);
     added = next_added;
     queued = next_queued;
-    for (int32_t k = slab; k < slab + BATCH; k++) {
-      if (added > 0 && q->last[k] != NULL) read_receivers(p, q, k);
-      drop_queue(q, k);
-    }
+    if (added > 0 && q->last[slab / BATCH] != NULL) read_receivers(p, q, slab / BATCH);
+    drop_queue(q, slab / BATCH);
     if (added > 0) {
       advance(p);
     } else {
@@ -283,7 +283,7 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   const int64_t cells = (int64_t)p.rows * p.columns;
   const int64_t bytes = (cells + MOST_COLUMNS) * FACES * (int64_t)sizeof(float);
   p.lines = reserve(scratch, FUM_SWEEP_LINES, bytes);
-  p.faces = reserve(scratch, FUM_SWEEP_TAPS, cells * TAPS * (int64_t)sizeof(float));
+  p.faces = reserve(scratch, FUM_SWEEP_TAPS, BATCH * faces_size(&p) * (int64_t)sizeof(float));
   p.shaded = (area){p.columns, p.rows, 0, 0};
   p.open = -BATCH;
   uint32_t *caster_begins = reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins);

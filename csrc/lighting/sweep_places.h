@@ -223,19 +223,23 @@ static void queue_points(const patch *p, int64_t first, int64_t count, bool is_w
   const fum_vf column = (found.u - p->lower[0]) * per_cell, row = (found.v - p->lower[1]) * per_cell;
   const fum_vf range = fum_vf_min(fum_vf_at_least(found.range, 1.0F), fum_vf_set(last));
   const fum_vi index = fum_vi_load(LANE_NUMBERS) + (int32_t)first;
-  /* The slab at whose turn a receiver is read: the two faces behind it are known then. */
-  const fum_vi turn = __builtin_convertvector(range, fum_vi) + 1;
-  int32_t turns[FUM_LANES];
-  memcpy(turns, &turn, sizeof turns);
+  /* A receiver is read at the turn of the slab behind its own: the two faces behind it are known then. */
+  const fum_vi batch = (__builtin_convertvector(range, fum_vi) + 1) / BATCH;
+  int32_t batches[FUM_LANES];
+  memcpy(batches, &batch, sizeof batches);
   for (uint32_t left = taken; left != 0;) {
-    const int32_t slab = turns[__builtin_ctz(left)];
-    const uint32_t alike = fum_vi_bits(turn == slab) & left;
-    join_queue(q, slab, alike, column, row, range, index);
+    const int32_t own = batches[__builtin_ctz(left)];
+    const uint32_t alike = fum_vi_bits(batch == own) & left;
+    join_queue(q, own, alike, column, row, range, index);
     left &= ~alike;
   }
 }
 
-/* The slab at whose turn the first receivers of a node may be read, or the one before, as places are rounded. */
+/* Slabs for which receivers are queued at once: the more, the more neighbours in memory follow on each other. */
+enum { QUEUED = 8 * BATCH };
+
+/* The first of the slabs among which there is the one at whose turn receivers of a node may be read, or the one before,
+ * as places are rounded. */
 static int32_t find_turn(const patch *p, const fum_octree_node *node) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_level *level = p->job->level;
@@ -252,5 +256,5 @@ static int32_t find_turn(const patch *p, const fum_octree_node *node) {
     range = 2.0F * share * (1.0F + squared * (0.33333333F + squared * (0.2F + squared * 0.14285714F)));
   }
   const float turn = (range - level->first) / level->slab;
-  return turn > 0.0F ? (int32_t)(turn < last ? turn : last) / 16 * 16 : 0;
+  return turn > 0.0F ? (int32_t)(turn < last ? turn : last) / QUEUED * QUEUED : 0;
 }

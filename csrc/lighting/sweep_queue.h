@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Receivers on their way to the slabs at whose turns they are read; a part of sweep_loop.h. They are found shortly
- * before that, as those of a whole patch fill no cache. */
+/* Receivers on their way to the batch of slabs at whose turn they are read; a part of sweep_loop.h. They are found
+ * shortly before that, as those of a whole patch fill no cache. */
 
 /* A chunk is left for the next when it holds as many. Entries behind them may be read and written. */
 enum { CHUNK = 64, CHUNK_ROOM = CHUNK + FUM_LANES + AHEAD };
 
-/* Receivers of a slab: places in cells and slabs; and in the order of the octree. */
+/* Receivers of a batch: places in cells and slabs; and in the order of the octree. */
 typedef struct chunk {
   float columns[CHUNK_ROOM], rows[CHUNK_ROOM], ranges[CHUNK_ROOM];
   int32_t indices[CHUNK_ROOM];
   int32_t count;
-  struct chunk *before; /* of the same slab, or unused like this one; NULL: none is */
+  struct chunk *before; /* of the same batch, or unused like this one; NULL: none is */
 } chunk;
 
 typedef struct queue {
   chunk *chunks, *unused;
-  chunk **last; /* [slab_count] NULL: nothing is read at its turn */
+  chunk **last; /* [batches] NULL: nothing is read at its turn */
   int64_t used; /* chunks that ever were */
 } queue;
 
 /* Room for up to `count` receivers; what isn't needed isn't touched. */
 static void open_queue(fum_sweep_scratch *scratch, int64_t count, int32_t slab_count, queue *out) {
-  const int64_t chunks = count / CHUNK + slab_count, slabs = slab_count * (int64_t)sizeof(chunk *);
+  const int64_t batches = slab_count / BATCH, chunks = count / CHUNK + batches;
   *out = (queue){.chunks = reserve(scratch, FUM_SWEEP_CHUNKS, chunks * (int64_t)sizeof(chunk)),
-                 .last = reserve(scratch, FUM_SWEEP_QUEUES, slabs)};
-  if (!scratch->is_out_of_memory) memset(out->last, 0, (size_t)slabs);
+                 .last = reserve(scratch, FUM_SWEEP_BATCHES, batches * (int64_t)sizeof(chunk *))};
+  if (!scratch->is_out_of_memory) memset(out->last, 0, (size_t)batches * sizeof(chunk *));
 }
 
 static chunk *take_chunk(queue *q, chunk *before) {
@@ -39,11 +39,11 @@ static chunk *take_chunk(queue *q, chunk *before) {
   return taken;
 }
 
-/* Adds the entries whose bits are set to those of a slab. */
-static inline void join_queue(queue *q, int32_t slab, uint32_t bits, fum_vf column, fum_vf row, fum_vf range,
+/* Adds the entries whose bits are set to those of a batch. */
+static inline void join_queue(queue *q, int32_t batch, uint32_t bits, fum_vf column, fum_vf row, fum_vf range,
                               fum_vi index) {
-  chunk *last = q->last[slab];
-  if (last == NULL || last->count >= CHUNK) q->last[slab] = last = take_chunk(q, last);
+  chunk *last = q->last[batch];
+  if (last == NULL || last->count >= CHUNK) q->last[batch] = last = take_chunk(q, last);
   const fum_vi packed = (fum_vi)fum_vf_pack((fum_vf)index, bits);
   fum_vf_store(last->columns + last->count, fum_vf_pack(column, bits));
   fum_vf_store(last->rows + last->count, fum_vf_pack(row, bits));
@@ -52,12 +52,12 @@ static inline void join_queue(queue *q, int32_t slab, uint32_t bits, fum_vf colu
   last->count += __builtin_popcount(bits);
 }
 
-/* Takes the receivers of a slab off. */
-static void drop_queue(queue *q, int32_t slab) {
-  for (chunk *c = q->last[slab], *before; c != NULL; c = before) {
+/* Takes the receivers of a batch off. */
+static void drop_queue(queue *q, int32_t batch) {
+  for (chunk *c = q->last[batch], *before; c != NULL; c = before) {
     before = c->before;
     c->before = q->unused;
     q->unused = c;
   }
-  q->last[slab] = NULL;
+  q->last[batch] = NULL;
 }

@@ -11,7 +11,11 @@ static float least_of(fum_vf v) {
   return least;
 }
 
-/* Cells from which the receivers of a slab are read. */
+static int64_t faces_size(const patch *p) {
+  return (int64_t)p->rows * p->columns * TAPS;
+}
+
+/* Cells from which the receivers of a batch are read. */
 static area find_area(const patch *p, const chunk *last) {
   const fum_vf far = fum_vf_set(INFINITY);
   fum_vf left = far, top = far, right = far, bottom = far; /* the latter two negative */
@@ -31,7 +35,7 @@ static area find_area(const patch *p, const chunk *last) {
 
 /* Copies the faces that receivers between the second and the third of them are read from, side by side for each cell:
  * these have a fourth of the memory to look at. */
-static void take_faces(const patch *p, int32_t first, area of) {
+static void take_faces(const patch *p, int32_t first, area of, float *faces) {
   int32_t at[TAPS];
   for (int32_t k = 0; k < TAPS; k++)
     at[k] = (first + k) & (FACES - 1);
@@ -39,7 +43,7 @@ static void take_faces(const patch *p, int32_t first, area of) {
   for (int32_t y = of.top; y < of.bottom; y++) {
     for (int64_t i = (int64_t)y * p->columns + of.left; i < (int64_t)y * p->columns + of.right; i++) {
       const float *line = p->lines + FACES * i;
-      float *out = p->faces + TAPS * i;
+      float *out = faces + TAPS * i;
       if (is_whole) {
         memcpy(out, line + at[0], TAPS * sizeof *out);
         continue;
@@ -60,13 +64,14 @@ static inline void weigh_taps(fum_vf t, fum_vf weights[TAPS]) {
   weights[3] = t * t * t * sixth;
 }
 
-/* Optical depths in front of receivers from `first` on, FUM_LANES at most, which are behind face `before`, from the
- * faces taken. */
-static void read_depths(const patch *p, const chunk *c, int32_t first, int32_t before) {
+/* Optical depths in front of receivers from `first` on, FUM_LANES at most, from the faces taken. */
+static void read_depths(const patch *p, const chunk *c, int32_t first) {
   const fum_vf column = fum_vf_load(c->columns + first), row = fum_vf_load(c->rows + first);
+  const fum_vf range = fum_vf_load(c->ranges + first);
   const fum_vi x = __builtin_convertvector(column, fum_vi), y = __builtin_convertvector(row, fum_vi);
   const fum_vi is_here = (x >= 1) & (y >= 1) & (x + 2 < p->columns) & (y + 2 < p->rows);
-  const fum_vi corner = ((y - 1) * p->columns + x - 1) * TAPS & is_here;
+  const fum_vi slab = __builtin_convertvector(range, fum_vi), number = (slab + 1) % BATCH;
+  const fum_vi corner = (((number * p->rows + y - 1) * p->columns + x - 1) * TAPS) & is_here;
   const int64_t step = (int64_t)TAPS * p->columns;
   const int32_t left = c->count - first, count = left < FUM_LANES ? left : FUM_LANES;
   int32_t corners[FUM_LANES];
@@ -77,7 +82,7 @@ static void read_depths(const patch *p, const chunk *c, int32_t first, int32_t b
   memcpy(corners, &corner, sizeof corners);
   weigh_taps(column - __builtin_convertvector(x, fum_vf), weights);
   fum_quads_from(weights, of_columns);
-  weigh_taps(fum_vf_load(c->ranges + first) - (float)before, weights);
+  weigh_taps(range - __builtin_convertvector(slab, fum_vf), weights);
   fum_quads_from(weights, of_faces);
   weigh_taps(row - __builtin_convertvector(y, fum_vf), weights);
   memcpy(of_rows, weights, sizeof of_rows);
