@@ -3,7 +3,7 @@
 #include "support.h"
 
 #include "base/cpu.h"
-#include "lighting/exact.h"
+#include "lighting/solver.h"
 #include "lighting/sweep_near.h"
 #include "octree/pick.h"
 
@@ -217,6 +217,22 @@ static void test_small_casters_near_by(void **state) {
   close_setup(t);
 }
 
+/* A medium's bunches take its particles' place, and stay its own: there may be another light. */
+static void test_bunched_casters(void **state) {
+  (void)state;
+  setup *t = open_setup(cloud(60000, 9), 1000, PLACES[0]);
+  const fum_emitter light = point_light(t, PLACES[0]);
+  fum_solver solver = {.wanted = FUM_SOLVER_SWEEP, .tolerance = 0.03F};
+  for (int k = 0; k < 2; k++) {
+    assert_int_equal(fum_solver_solve(t->s.context, &solver, &t->medium, &t->receivers, &light, t->is_lit,
+                                      (float[2]){0.0F, 1.0F}, t->depths),
+                     FUM_OK);
+    assert_true(solver.has_bunched && solver.sweep_count == k + 1);
+    compare(t, "bunched", &light, 7.5e-3, 0.03);
+  }
+  close_setup(t);
+}
+
 /* Few particles are near the light all of them; and what may take no time isn't begun. */
 static void test_refuses_what_takes_longer(void **state) {
   (void)state;
@@ -330,11 +346,17 @@ static void test_picking(void **state) {
 
 int main(void) {
   const struct CMUnitTest tests[] = {
-      cmocka_unit_test(test_few_receivers),           cmocka_unit_test(test_many_receivers),
-      cmocka_unit_test(test_light_inside_a_particle), cmocka_unit_test(test_light_in_the_very_middle),
-      cmocka_unit_test(test_small_casters_near_by),   cmocka_unit_test(test_refuses_what_takes_longer),
-      cmocka_unit_test(test_only_lit_receivers),      cmocka_unit_test(test_threads_change_no_bit),
-      cmocka_unit_test(test_instruction_sets_agree),  cmocka_unit_test(test_picking),
+      cmocka_unit_test(test_few_receivers),
+      cmocka_unit_test(test_many_receivers),
+      cmocka_unit_test(test_light_inside_a_particle),
+      cmocka_unit_test(test_light_in_the_very_middle),
+      cmocka_unit_test(test_bunched_casters),
+      cmocka_unit_test(test_small_casters_near_by),
+      cmocka_unit_test(test_refuses_what_takes_longer),
+      cmocka_unit_test(test_only_lit_receivers),
+      cmocka_unit_test(test_threads_change_no_bit),
+      cmocka_unit_test(test_instruction_sets_agree),
+      cmocka_unit_test(test_picking),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
 }
