@@ -182,20 +182,20 @@ static void advance(patch *p) {
   p->open += BATCH;
 }
 
-/* Points of leaves that lie one after the other. */
+/* Points of nodes that lie one after the other in memory. */
 typedef struct stretch {
   int64_t begin, end;
   bool is_whole; /* all in the patch */
 } stretch;
 
-/* The stretch from leaf `*next` of a list on; moves that behind it. */
-static stretch take_stretch(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count, int64_t *next) {
-  const bool is_whole = (leaves[*next] & FUM_SWEEP_WHOLE) != 0;
-  const fum_octree_node *leaf = node_of(octree, leaves[(*next)++]);
-  stretch s = {leaf->begin, (int64_t)leaf->begin + leaf->count, is_whole};
-  while (*next < leaf_count && node_of(octree, leaves[*next])->begin == s.end &&
-         ((leaves[*next] & FUM_SWEEP_WHOLE) != 0) == is_whole)
-    s.end += node_of(octree, leaves[(*next)++])->count;
+/* The stretch from entry `*next` of a list on; moves that behind it. */
+static stretch take_stretch(const fum_octree *octree, const uint32_t *entries, int64_t count, int64_t *next) {
+  const uint32_t whole = entries[*next] & FUM_SWEEP_WHOLE;
+  const fum_octree_node *node = node_of(octree, entries[(*next)++]);
+  stretch s = {node->begin, (int64_t)node->begin + node->count, whole != 0};
+  while (*next < count && (entries[*next] & FUM_SWEEP_WHOLE) == whole &&
+         node_of(octree, entries[*next])->begin == s.end)
+    s.end += node_of(octree, entries[(*next)++])->count;
   return s;
 }
 
@@ -222,14 +222,15 @@ typedef struct contents {
   const footprint *footprints;
   const uint32_t *casters, *caster_begins; /* their order */
   const uint32_t *nodes, *node_begins;     /* of receivers */
+  uint32_t node_count;
 } contents;
 
-/* From the light outwards: casters are added at the first slab that they reach into; receivers are read while the face
- * before the one before them is still open. */
+/* From the light outwards, as long as there are receivers: casters are added at the first slab that they reach into;
+ * receivers are read while the face before the one before them is still open. */
 static void sweep_patch(patch *p, const contents *c, queue *q) {
   const int32_t end = p->job->level->slab_count;
   uint32_t added = 0, queued = 0;
-  for (int32_t slab = 0; slab < end; slab += BATCH) {
+  for (int32_t slab = 0; slab < end && (queued < c->node_count || q->waiting > 0); slab += BATCH) {
     const uint32_t next_added = c->caster_begins[slab + BATCH], next_queued = c->node_begins[slab + BATCH];
     queue_receivers(p, c->nodes + queued, next_queued - queued, q);
     add_casters(p, c->footprints, c->casters, added, next_added);
@@ -245,12 +246,12 @@ static void sweep_patch(patch *p, const contents *c, queue *q) {
   }
 }
 
-/* Points of all leaves of a list. */
-static int64_t count_points(const fum_octree *octree, const uint32_t *leaves, int64_t leaf_count) {
-  int64_t count = 0;
-  for (int64_t k = 0; k < leaf_count; k++)
-    count += node_of(octree, leaves[k])->count;
-  return count;
+/* Points of all nodes of a list. */
+static int64_t count_points(const fum_octree *octree, const uint32_t *entries, int64_t count) {
+  int64_t points = 0;
+  for (int64_t k = 0; k < count; k++)
+    points += node_of(octree, entries[k])->count;
+  return points;
 }
 
 static int64_t take_casters(const patch *p, const uint32_t *leaves, int64_t leaf_count, footprint *out) {
@@ -266,12 +267,12 @@ static int64_t take_casters(const patch *p, const uint32_t *leaves, int64_t leaf
 void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *scratch) {
   const fum_sweep_patches *lists = job->patches;
   const uint32_t *caster_leaves = lists->casters + lists->caster_begins[index];
-  const uint32_t *receiver_leaves = lists->receivers + lists->receiver_begins[index];
+  const uint32_t *receiver_nodes = lists->receivers + lists->receiver_begins[index];
   const int64_t caster_leaf_count = lists->caster_begins[index + 1] - lists->caster_begins[index];
-  const int64_t receiver_leaf_count = lists->receiver_begins[index + 1] - lists->receiver_begins[index];
+  const int64_t receiver_node_count = lists->receiver_begins[index + 1] - lists->receiver_begins[index];
   const int32_t slab_count = job->level->slab_count;
   const int64_t begins = (slab_count + 2) * (int64_t)sizeof(uint32_t);
-  if (caster_leaf_count == 0 || receiver_leaf_count == 0) return;
+  if (caster_leaf_count == 0 || receiver_node_count == 0) return;
   patch p = {.job = job};
   lay_patch(&p, index);
   const int64_t most_casters = count_points(job->casters, caster_leaves, caster_leaf_count);
@@ -289,13 +290,13 @@ void FUM_SWEEP_NAME(const fum_sweep_job *job, int64_t index, fum_sweep_scratch *
   uint32_t *caster_begins = reserve(scratch, FUM_SWEEP_CASTER_BEGINS, begins);
   uint32_t *order = reserve(scratch, FUM_SWEEP_CASTER_ORDER, (casters + AHEAD) * (int64_t)sizeof *order);
   uint32_t *node_begins = reserve(scratch, FUM_SWEEP_NODE_BEGINS, begins);
-  uint32_t *nodes = reserve(scratch, FUM_SWEEP_NODE_ORDER, receiver_leaf_count * (int64_t)sizeof *nodes);
+  uint32_t *nodes = reserve(scratch, FUM_SWEEP_NODE_ORDER, receiver_node_count * (int64_t)sizeof *nodes);
   queue q;
-  open_queue(scratch, count_points(job->points, receiver_leaves, receiver_leaf_count), slab_count, &q);
+  open_queue(scratch, count_points(job->points, receiver_nodes, receiver_node_count), slab_count, &q);
   if (scratch->is_out_of_memory) return;
   sort_casters(casters, footprints, slab_count, caster_begins, order);
-  sort_nodes(&p, receiver_leaf_count, receiver_leaves, node_begins, nodes);
+  sort_nodes(&p, receiver_node_count, receiver_nodes, node_begins, nodes);
   memset(p.lines, 0, (size_t)bytes);
-  const contents c = {footprints, order, caster_begins, nodes, node_begins};
+  const contents c = {footprints, order, caster_begins, nodes, node_begins, (uint32_t)receiver_node_count};
   sweep_patch(&p, &c, &q);
 }

@@ -15,8 +15,8 @@ typedef struct chunk {
 
 typedef struct queue {
   chunk *chunks, *unused;
-  chunk **last; /* [batches] NULL: nothing is read at its turn */
-  int64_t used; /* chunks that ever were */
+  chunk **last;          /* [batches] NULL: nothing is read at its turn */
+  int64_t used, waiting; /* chunks that ever were; receivers */
 } queue;
 
 /* Room for up to `count` receivers; what isn't needed isn't touched. */
@@ -50,12 +50,14 @@ static inline void join_queue(queue *q, int32_t batch, uint32_t bits, fum_vf col
   fum_vf_store(last->ranges + last->count, fum_vf_pack(range, bits));
   memcpy(last->indices + last->count, &packed, sizeof packed);
   last->count += __builtin_popcount(bits);
+  q->waiting += __builtin_popcount(bits);
 }
 
 /* Takes the receivers of a batch off. */
 static void drop_queue(queue *q, int32_t batch) {
   for (chunk *c = q->last[batch], *before; c != NULL; c = before) {
     before = c->before;
+    q->waiting -= c->count;
     c->before = q->unused;
     q->unused = c;
   }

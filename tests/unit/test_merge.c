@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
 #include "support.h"
 
+#include "base/cpu.h"
 #include "octree/bunch.h"
 #include "octree/merge.h"
 
@@ -202,6 +203,18 @@ static double moment_of(const fum_octree *octree, const float *places) {
   return moment;
 }
 
+/* Each particle is a member of one bunch, which has the index of one of them. */
+static void check_members(const fum_octree *octree, const fum_octree *bunched) {
+  int64_t members = 0;
+  for (int64_t i = 0; i < bunched->count; i++) {
+    members += bunched->members[i];
+    assert_true(bunched->members[i] > 0 && bunched->indices[i] < octree->count);
+    for (int64_t k = 0; k < i && k < 10; k++)
+      assert_true(bunched->indices[i] != bunched->indices[k]);
+  }
+  assert_int_equal(members, octree->count);
+}
+
 /* Dense smoke in bunches: a few times fewer particles, the same mass around the same place, and depths on lines that
  * are off by less in smaller cells. */
 static void test_bunches(void **state) {
@@ -216,7 +229,8 @@ static void test_bunches(void **state) {
     double most;
   } cases[] = {{2.0F, 2, 0.01}, {3.0F, 4, 0.03}};
   for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
-    const fum_bunch_options options = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.5F, .keeps_members = true};
+    const fum_bunch_options options = {
+        .sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.5F, .keeps_members = true};
     fum_octree *bunched = NULL;
     assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &options, &bunched), FUM_OK);
     assert_non_null(bunched);
@@ -225,14 +239,50 @@ static void test_bunches(void **state) {
     assert_true(fabs(mass_of(bunched) / mass_of(s.octree) - 1.0) < 1e-5);
     assert_true(fabs(moment_of(bunched, bunched->z) - moment_of(s.octree, s.octree->z)) < 1e-5 * mass_of(s.octree));
     check_nodes(bunched);
+    check_members(s.octree, bunched);
     const double error = relative_error(s.octree, bunched);
     if (!(error < cases[k].most)) fail_msg("side %g: off by %.3g %%", (double)cases[k].side, 100.0 * error);
     const float left = (float)bunched->count / (float)s.octree->count;
     fum_octree_destroy(s.stage.context, bunched);
-    const fum_bunch_options stricter = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.99F * left, .keeps_members = true};
+    const fum_bunch_options stricter = {.sigma_scale = 1.0F, .side = cases[k].side, .most_left = 0.99F * left};
     assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &stricter, &bunched), FUM_OK);
     assert_null(bunched);
   }
+  smoke_close(&s);
+  puffs_free(&p);
+}
+
+static void check_close(int64_t count, const float *values, const float *others, float slack) {
+  for (int64_t i = 0; i < count; i++)
+    assert_true(fabsf(values[i] - others[i]) <= slack);
+}
+
+/* All make the same bunches, but for rounding; and of many more particles than vectors hold. */
+static void test_instruction_sets_agree(void **state) {
+  (void)state;
+  puffs p = puffs_random(20000, 8, 1.0F, 0.1F, 1.0F);
+  smoke s = smoke_open(&p, 64, 1e-6F);
+  const fum_bunch_options options = {.sigma_scale = 1.0F, .side = 2.5F, .most_left = 0.9F, .keeps_members = true};
+  fum_octree *plain = NULL, *other = NULL;
+  fum_cpu_limit(FUM_CPU_PLAIN);
+  assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &options, &plain), FUM_OK);
+  assert_non_null(plain);
+  for (int level = 1; level <= (int)FUM_CPU_AVX512; level++) {
+    fum_cpu_limit((fum_cpu_level)level);
+    assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &options, &other), FUM_OK);
+    assert_int_equal(other->count, plain->count);
+    assert_memory_equal(other->members, plain->members, (size_t)plain->count * sizeof *plain->members);
+    assert_memory_equal(other->indices, plain->indices, (size_t)plain->count * sizeof *plain->indices);
+    check_close(plain->count, plain->x, other->x, 1e-5F);
+    check_close(plain->count, plain->y, other->y, 1e-5F);
+    check_close(plain->count, plain->z, other->z, 1e-5F);
+    check_close(plain->count, plain->inverse_sigmas, other->inverse_sigmas, 1e-3F);
+    check_close(plain->count, plain->optical_depths, other->optical_depths, 1e-4F);
+    check_close(FUM_STRETCHES * (plain->count + FUM_OCTREE_PAD), plain->stretches, other->stretches, 1e-6F);
+    fum_octree_destroy(s.stage.context, other);
+  }
+  fum_cpu_limit(FUM_CPU_AVX512);
+  fum_octree_destroy(s.stage.context, plain);
   smoke_close(&s);
   puffs_free(&p);
 }
@@ -241,7 +291,7 @@ static void test_bunches(void **state) {
 static void test_bunches_of_one_place_and_of_many(void **state) {
   (void)state;
   puffs sparse = puffs_random(200, 6, 1.0F, 0.02F, 1.0F), heap = puffs_random(5000, 7, 0.0F, 0.1F, 1.0F);
-  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F, .most_left = 0.5F, .keeps_members = true};
+  const fum_bunch_options rough = {.sigma_scale = 1.0F, .side = 2.5F, .most_left = 0.5F};
   fum_octree *bunched = NULL;
   smoke s = smoke_open(&sparse, 64, 1e-6F);
   assert_int_equal(fum_octree_bunch(s.stage.context, s.octree, &rough, &bunched), FUM_OK);
@@ -271,6 +321,7 @@ int main(void) {
       cmocka_unit_test(test_a_bunch_keeps_its_error),
       cmocka_unit_test(test_scales_count),
       cmocka_unit_test(test_bunches),
+      cmocka_unit_test(test_instruction_sets_agree),
       cmocka_unit_test(test_bunches_of_one_place_and_of_many),
   };
   return cmocka_run_group_tests(tests, NULL, NULL);
