@@ -200,30 +200,34 @@ static int32_t solve_level(fum_context *context, const fum_sweep_task *task, con
   return status;
 }
 
-/* Levels with slabs. Returns how many; 0: casters are too unlike, or too small for a grid. */
-static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum_sweep_view *view, shell *shells) {
+/* Levels with slabs, and how many slabs all of their patches have together. Returns how many; 0: casters are too
+ * unlike, or too small for a grid. */
+static int32_t plan_levels(fum_context *context, const fum_sweep_task *task, fum_sweep_view *view, shell *shells,
+                           double *out_slabs) {
   const int32_t most_slabs = 100000;
   census c;
   int64_t patches;
   if (!(view->largest < view->smallest * (float)(1 << (MOST_OCTAVES - 1)))) return 0;
   take_census(context, task->medium, view, &c);
   const int32_t count = find_levels(view, &c, shells);
+  *out_slabs = 0.0;
   for (int32_t k = 0; k < count; k++) {
     cut_slabs(task->medium, view, &shells[k]);
     if (!fum_sweep_lay(&shells[k].level, view, &patches) || shells[k].level.slab_count > most_slabs) return 0;
+    *out_slabs += (double)patches * (double)shells[k].level.slab_count;
   }
   return count;
 }
 
 /* Of measured times: a caster takes its time at its own level, more where it reaches over sides of a cube, and each is
- * looked at, as each receiver is, at all of them. */
+ * looked at, as each receiver is, at all of them. Grids for small casters are large, however few these are. */
 static bool is_affordable(const fum_sweep_task *task, const fum_sweep_view *view, const fum_sweep_near *near,
-                          int32_t levels) {
+                          int32_t levels, double slabs) {
   const double casters = (double)fum_medium_casters(task->medium)->count;
   const double receivers = (double)task->receivers->octree->count;
   const double once_us = (view->face_count > 1 ? 0.35 : 0.16) * casters;
-  const double level_us = 0.04 * casters + 0.07 * receivers;
-  return once_us + (double)levels * level_us + near->cost_us <= task->affordable_us;
+  const double level_us = 0.04 * casters + 0.04 * receivers, grids_us = 0.4 * slabs;
+  return once_us + (double)levels * level_us + grids_us + near->cost_us <= task->affordable_us;
 }
 
 static int32_t solve_levels(fum_context *context, const fum_sweep_task *task, const float progress[2],
@@ -242,12 +246,13 @@ int32_t fum_sweep_solve(fum_context *context, const fum_sweep_task *task, const 
   fum_sweep_near near = {0};
   shell shells[FUM_SWEEP_MOST_LEVELS];
   bool is_clear;
+  double slabs = 0.0;
   *out_is_solved = false;
   int32_t status = fum_sweep_view_find(context, task->medium, task->emitter, &view, &is_clear);
-  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, shells) : 0;
+  const int32_t count = status == FUM_OK && is_clear ? plan_levels(context, task, &view, shells, &slabs) : 0;
   if (count == 0) goto done;
   status = fum_sweep_near_plan(context, task, &view, &near);
-  if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &view, &near, count)) goto done;
+  if (status != FUM_OK || !near.is_worthwhile || !is_affordable(task, &view, &near, count, slabs)) goto done;
 #pragma omp parallel for num_threads(fum_thread_count(context)) schedule(static)
   for (int64_t i = 0; i < task->receivers->octree->count; i++) {
     if (task->is_lit[i]) out_depths[i] = 0.0F;

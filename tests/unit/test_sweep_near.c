@@ -250,6 +250,21 @@ static void test_refuses_what_takes_longer(void **state) {
   close_setup(t);
 }
 
+/* Fine grids for the smallest of particles that are very unlike take longer than an exact solution. */
+static void test_refuses_grids_for_small_casters(void **state) {
+  (void)state;
+  const double at[3] = {5.0, 1.0, 2.0};
+  for (int k = 0; k < 2; k++) {
+    puffs p = cloud(100000, 10);
+    for (int64_t i = 0; i < p.count && k == 1; i++)
+      p.radii[i] *= powf(64.0F, -uniform(fum_hash64((uint64_t)i), 0.0F, 1.0F));
+    setup *t = open_setup(p, 400000, at);
+    const fum_emitter light = point_light(t, at);
+    assert_true(solve(t, &light, fum_exact_predict_us(p.count, t->count)) == (k == 0));
+    close_setup(t);
+  }
+}
+
 /* Receivers that aren't lit keep what they have. */
 static void test_only_lit_receivers(void **state) {
   (void)state;
@@ -353,6 +368,7 @@ int main(void) {
       cmocka_unit_test(test_bunched_casters),
       cmocka_unit_test(test_small_casters_near_by),
       cmocka_unit_test(test_refuses_what_takes_longer),
+      cmocka_unit_test(test_refuses_grids_for_small_casters),
       cmocka_unit_test(test_only_lit_receivers),
       cmocka_unit_test(test_threads_change_no_bit),
       cmocka_unit_test(test_instruction_sets_agree),
