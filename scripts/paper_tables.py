@@ -39,6 +39,14 @@ def growth(rows: list[Row], column: str, time: str) -> str:
     return f"Exponent of the time over {column}: {', '.join(found)}."
 
 
+def speedup(rows: list[Row], column: str, name: Callable[[float], str]) -> str:
+    """How many times as long exact solvers light as sweeps."""
+    exact, sweep = (select(rows, solver=solver) for solver in ("exact", "sweep"))
+    ratios = zip(numbers(exact, column), numbers(exact, "light_s"), numbers(sweep, "light_s"), strict=True)
+    found = ", ".join(f"{slow / fast:.0f} ({name(value)})" for value, slow, fast in ratios)
+    return f"Lighting by a sweep is so many times as fast as the exact one: {found}."
+
+
 def lighting_table(rows: list[Row], column: str, title: str) -> str:
     titles = (title, "solver", "octree (s)", "lighting (s)", "RMS error of T", "of the meter", "peak memory (MB)")
     columns = (column, "solver", "build_s", "light_s", "rms", "accuracy_rms")
@@ -53,7 +61,9 @@ def machine_table(charts: Path) -> str:
 
 
 def particles_table(charts: Path) -> str:
-    return lighting_table(read(charts / "paper_particles.csv"), "particles", "particles")
+    rows = read(charts / "paper_particles.csv")
+    table = lighting_table(rows, "particles", "particles")
+    return f"{table}\n\n{speedup(rows, 'particles', lambda particles: f'{particles:,.0f}')}"
 
 
 def lights_table(charts: Path) -> str:
@@ -89,7 +99,7 @@ def subsampling_table(charts: Path) -> str:
         change = f"{100 * float(row['picture_change']):.2g} %"
         frame = (seconds(float(row["total_s"])), row["refinements"], change)
         cells.append([f"{100 * share:g} %", *take(lit, ("solver", "light_s", "rms")), *frame, *paper])
-    return markdown(titles, cells)
+    return f"{markdown(titles, cells)}\n\n{speedup(light, 'subsampling', lambda share: f'{100 * share:g} %')}"
 
 
 def look_table(path: Path, column: str) -> str:
