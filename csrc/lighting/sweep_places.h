@@ -222,7 +222,7 @@ static void queue_points(const patch *p, int64_t first, int64_t count, bool is_w
   const places found = find_places(p, &at);
   const fum_vf column = (found.u - p->lower[0]) * per_cell, row = (found.v - p->lower[1]) * per_cell;
   const fum_vf range = fum_vf_min(fum_vf_at_least(found.range, 1.0F), fum_vf_set(last));
-  const fum_vi index = fum_vi_load(LANE_NUMBERS) + (int32_t)first;
+  const fum_vu index = (fum_vu)fum_vi_load(LANE_NUMBERS) + (uint32_t)first;
   /* A receiver is read at the turn of the slab behind its own: the two faces behind it are known then. */
   const fum_vi batch = (__builtin_convertvector(range, fum_vi) + 1) / BATCH;
   int32_t batches[FUM_LANES];

@@ -8,7 +8,7 @@ enum { CHUNK = 64, CHUNK_ROOM = CHUNK + FUM_LANES + AHEAD };
 /* Receivers of a batch: places in cells and slabs; and in the order of the octree. */
 typedef struct chunk {
   float columns[CHUNK_ROOM], rows[CHUNK_ROOM], ranges[CHUNK_ROOM];
-  int32_t indices[CHUNK_ROOM];
+  uint32_t indices[CHUNK_ROOM];
   int32_t count;
   struct chunk *before; /* of the same batch, or unused like this one; NULL: none is */
 } chunk;
@@ -41,10 +41,10 @@ static chunk *take_chunk(queue *q, chunk *before) {
 
 /* Adds the entries whose bits are set to those of a batch. */
 static inline void join_queue(queue *q, int32_t batch, uint32_t bits, fum_vf column, fum_vf row, fum_vf range,
-                              fum_vi index) {
+                              fum_vu index) {
   chunk *last = q->last[batch];
   if (last == NULL || last->count >= CHUNK) q->last[batch] = last = take_chunk(q, last);
-  const fum_vi packed = (fum_vi)fum_vf_pack((fum_vf)index, bits);
+  const fum_vf packed = fum_vf_pack((fum_vf)index, bits);
   fum_vf_store(last->columns + last->count, fum_vf_pack(column, bits));
   fum_vf_store(last->rows + last->count, fum_vf_pack(row, bits));
   fum_vf_store(last->ranges + last->count, fum_vf_pack(range, bits));

@@ -89,11 +89,11 @@ static void read_depths(const patch *p, const chunk *c, int32_t first) {
   for (int32_t k = 0; k < count; k++) {
     const float *taps = p->faces + corners[k];
     const float *const rows[TAPS] = {taps, taps + step, taps + 2 * step, taps + 3 * step};
-    __builtin_prefetch(&p->job->depths[(uint32_t)c->indices[first + k + AHEAD]]);
+    __builtin_prefetch(&p->job->depths[c->indices[first + k + AHEAD]]);
     sums[k] = fum_quad_contract(of_columns[k], &of_rows[0][k], of_faces[k], rows);
   }
   const fum_vf depth = fum_vf_at_least(fum_quads_sum(sums), 0.0F);
   fum_vf_store(found, fum_vf_select(is_here, depth, fum_vf_set(0.0F)));
   for (int32_t k = 0; k < count; k++)
-    p->job->depths[(uint32_t)c->indices[first + k]] += found[k];
+    p->job->depths[c->indices[first + k]] += found[k];
 }
