@@ -208,9 +208,7 @@ static void queue_receivers(const patch *p, const uint32_t *nodes, int64_t count
 }
 
 static void read_receivers(const patch *p, const queue *q, int32_t batch) {
-  const area of = find_area(p, q->last[batch]);
-  for (int32_t k = 0; k < BATCH; k++)
-    take_faces(p, BATCH * batch + k - 2, of, p->faces + faces_size(p) * k);
+  take_faces(p, batch, find_area(p, q->last[batch]));
   for (const chunk *c = q->last[batch]; c != NULL; c = c->before) {
     for (int32_t k = 0; k < c->count; k += FUM_LANES)
       read_depths(p, c, k);

@@ -33,23 +33,26 @@ static area find_area(const patch *p, const chunk *last) {
                 at_most(3.0F - least_of(right), p->columns), at_most(3.0F - least_of(bottom), p->rows)};
 }
 
-/* Copies the faces that receivers between the second and the third of them are read from, side by side for each cell:
- * these have a fourth of the memory to look at. */
-static void take_faces(const patch *p, int32_t first, area of, float *faces) {
-  int32_t at[TAPS];
-  for (int32_t k = 0; k < TAPS; k++)
-    at[k] = (first + k) & (FACES - 1);
-  const bool is_whole = at[0] < at[TAPS - 1];
+/* Copies the faces that receivers of a batch are read from, for each of its slabs the two around it and one more on
+ * both sides, side by side for each cell: these have a fourth of the memory to look at. */
+static void take_faces(const patch *p, int32_t batch, area of) {
+  int32_t at[BATCH + TAPS - 1];
+  for (int32_t k = 0; k < BATCH + TAPS - 1; k++)
+    at[k] = (BATCH * batch - 2 + k) & (FACES - 1);
+  const bool is_whole = at[0] < at[BATCH + TAPS - 2];
+  const int64_t step = faces_size(p);
   for (int32_t y = of.top; y < of.bottom; y++) {
     for (int64_t i = (int64_t)y * p->columns + of.left; i < (int64_t)y * p->columns + of.right; i++) {
       const float *line = p->lines + FACES * i;
-      float *out = faces + TAPS * i;
-      if (is_whole) {
-        memcpy(out, line + at[0], TAPS * sizeof *out);
-        continue;
+      for (int32_t k = 0; k < BATCH; k++) {
+        float *out = p->faces + step * k + TAPS * i;
+        if (is_whole) {
+          memcpy(out, line + at[k], TAPS * sizeof *out);
+          continue;
+        }
+        for (int32_t tap = 0; tap < TAPS; tap++)
+          out[tap] = line[at[k + tap]];
       }
-      for (int32_t k = 0; k < TAPS; k++)
-        out[k] = line[at[k]];
     }
   }
 }
