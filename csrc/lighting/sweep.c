@@ -62,8 +62,7 @@ static void take_census(fum_context *context, const fum_medium *medium, const fu
     const float seen = view->sigmas[i];
     if (!(seen > 0.0F)) continue;
     const int32_t bin = bin_of(seen, view->smallest);
-    const double sigma_m = (double)medium->sigma_scale / (double)casters->inverse_sigmas[i];
-    const double distance = sigma_m / (double)seen;
+    const double distance = (double)(medium->sigma_scale / (casters->inverse_sigmas[i] * seen));
     counts[bin]++;
     nearest[bin] = distance < nearest[bin] ? distance : nearest[bin];
     farthest[bin] = distance > farthest[bin] ? distance : farthest[bin];

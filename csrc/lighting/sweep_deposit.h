@@ -85,14 +85,21 @@ static void find_flat_cells(const patch *p, const footprint *f, const box *b, fl
   }
 }
 
-/* The same, whatever the exponent: |centre x ray|^2 over |ray|^2, the quotient by its series. */
+/* Tangent of the angle between a caster's ray and the patch's axis, along columns (0) or rows (1). */
+static float find_tangent(const patch *p, const footprint *f, int axis) {
+  return p->lower[axis] + (axis == 0 ? f->column : f->row) * p->job->level->cell;
+}
+
+/* The same of a light that isn't parallel, whatever the exponent: |centre x ray|^2 over |ray|^2, the quotient by its
+ * series. */
 static void find_cells(const patch *p, const footprint *f, const box *b, float *cells) {
   const float cell = p->job->level->cell, *columns = b->width == 8 ? PAIR_COLUMNS : NUMBERS;
+  const float u = find_tangent(p, f, 0), v = find_tangent(p, f, 1), squared_cosine = 1.0F / (1.0F + u * u + v * v);
   const fum_vf rows = b->width == 8 ? fum_vf_load(PAIR_ROWS) : fum_vf_set(0.0F);
   for (int32_t k = 0; k < b->rows * b->width; k += FUM_LANES) {
     const fum_vf x = fum_vf_load(columns + k % b->width) + ((float)b->x - f->column);
     const fum_vf y = rows + ((float)(b->y + k / b->width) - f->row);
-    const fum_vf grown = (2.0F * (f->u * x + f->v * y) + cell * (x * x + y * y)) * (cell * f->squared_cosine);
+    const fum_vf grown = (2.0F * (u * x + v * y) + cell * (x * x + y * y)) * (cell * squared_cosine);
     const fum_vf flat = f->across * x * x + f->both * x * y + f->up * y * y;
     const fum_vf gauss = f->optical_depth * fum_vf_exp2(flat * (1.0F - grown * (1.0F - grown * (1.0F - grown))));
     const fum_vf edge = find_edge(p, f, b, fum_vf_load(columns + k % b->width));
@@ -101,7 +108,8 @@ static void find_cells(const patch *p, const footprint *f, const box *b, float *
 }
 
 static void find_deposit(const patch *p, const footprint *f, deposit *d) {
-  const float reach = f->reach * p->job->level->cell, lean = fabsf(f->u) + fabsf(f->v) + reach;
+  const float reach = f->reach * p->job->level->cell;
+  const float lean = fabsf(find_tangent(p, f, 0)) + fabsf(find_tangent(p, f, 1)) + reach;
   d->is_empty = !find_box(p, f, &d->box);
   if (d->is_empty) return;
   find_line(p, f, d->line);

@@ -18,8 +18,6 @@ enum { FACES = 16, BATCH = 2, MOST_COLUMNS = 32, MOST_SPAN = FACES - 2 * BATCH }
 /* A caster in its patch. */
 typedef struct footprint {
   float column, row;          /* of its centre, in cells */
-  float u, v;                 /* the same in the patch's window; 0 of a parallel light */
-  float squared_cosine;       /* between its ray and the axis */
   float across, up, both;     /* its Gaussian is 2^(across x^2 + up y^2 + both x y), in cells, on a flat plane */
   float optical_depth;        /* at its centre */
   float reach;                /* in cells */

@@ -140,9 +140,6 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   const fum_vf across = fum_vf_select(is_before, p->job->view->reach * fum_vf_sqrt(s.mean + half), one);
   const fum_vf values[] = {column,
                            row,
-                           u,
-                           v,
-                           squared,
                            -FUM_HALF_LOG2_E * (s.mean - s.difference) * per_area,
                            -FUM_HALF_LOG2_E * (s.mean + s.difference) * per_area,
                            2.0F * FUM_HALF_LOG2_E * s.between * per_area,
@@ -158,9 +155,9 @@ static int32_t find_footprints(const patch *p, int64_t first, int64_t count, foo
   for (; taken != 0; taken &= taken - 1) {
     const int k = __builtin_ctz(taken);
     footprint *f = &out[found++];
-    *f = (footprint){values[0][k],  values[1][k],  values[2][k],           values[3][k],          values[4][k],
-                     values[5][k],  values[6][k],  values[7][k],           values[8][k],          values[9][k],
-                     values[10][k], values[11][k], (int32_t)values[12][k], (int32_t)values[13][k]};
+    *f = (footprint){values[0][k], values[1][k],          values[2][k],          values[3][k],
+                     values[4][k], values[5][k],          values[6][k],          values[7][k],
+                     values[8][k], (int32_t)values[9][k], (int32_t)values[10][k]};
     f->last = f->last < f->first + MOST_SPAN ? f->last : f->first + MOST_SPAN - 1;
   }
   return found;

@@ -37,7 +37,7 @@ static void aim_face(const double to_middle[3], const double axis[3], double hal
 }
 
 /* Sigmas behind its centre at which a caster in the light's vicinity ends. */
-static const double NEAR_REACH = 3.5;
+static const float NEAR_REACH = 3.5F;
 
 /* Beside dense smoke its tails alone are seen: the denser the smoke is as a whole, the farther they reach. */
 static float reach_for(double optical_depth) {
@@ -45,87 +45,78 @@ static float reach_for(double optical_depth) {
   return (float)fmin(most, fmax(least, sqrt(2.0 * log(fmax(1.0, optical_depth / left)))));
 }
 
-static double sigma_of(const fum_medium *medium, int64_t i) {
-  return (double)medium->sigma_scale / (double)fum_medium_casters(medium)->inverse_sigmas[i];
+/* Sigma where a caster is widest, at most: a Gaussian's longest axis is within its stretches' root of the sum of
+ * squares.
+ */
+static float widest_of(const fum_octree *casters, float sigma, int64_t i) {
+  const int64_t step = casters->count + FUM_OCTREE_PAD;
+  const float *s = casters->stretches;
+  if (s == NULL) return sigma;
+  const float xx = s[i], yy = s[i + step], xy = s[i + 2 * step], xz = s[i + 3 * step], yz = s[i + 4 * step];
+  const float squares = xx * xx + yy * yy + (xx + yy) * (xx + yy) + 2.0F * (xy * xy + xz * xz + yz * yz);
+  return sqrtf(sigma * sigma + sqrtf(squares));
 }
 
-/* Finds the sigmas that casters have as seen from the light; returns the distance of the farthest. */
-static double find_sigmas(fum_context *context, const fum_medium *medium, const fum_sweep_view *view) {
+/* Finds the sigmas that casters have, and as seen from the light; returns the distance of the farthest. */
+static float find_sigmas(fum_context *context, const fum_medium *medium, const fum_sweep_view *view) {
   const fum_octree *casters = fum_medium_casters(medium);
   const double *o = view->to_middle;
   const fum_vec3 middle = view->middle, to_middle = {(float)o[0], (float)o[1], (float)o[2]};
   const float scale = medium->sigma_scale;
   const float *x = casters->x, *y = casters->y, *z = casters->z, *depths = casters->optical_depths;
-  float *sigmas = view->sigmas, farthest = 0.0F;
+  float *sigmas = view->sigmas, *widest = view->widest, farthest = 0.0F;
 #pragma omp parallel for simd num_threads(fum_thread_count(context)) reduction(max : farthest)
   for (int64_t i = 0; i < casters->count; i++) {
     const fum_vec3 way = {x[i] - middle.x + to_middle.x, y[i] - middle.y + to_middle.y, z[i] - middle.z + to_middle.z};
     const float distance = view->is_parallel ? 1.0F : sqrtf(fum_dot(way, way)),
-                is_there = depths[i] > 0.0F ? 1.0F : 0.0F;
-    sigmas[i] = is_there * scale / (casters->inverse_sigmas[i] * distance);
+                is_there = depths[i] > 0.0F ? 1.0F : 0.0F, sigma = scale / casters->inverse_sigmas[i];
+    sigmas[i] = is_there * sigma / distance;
+    widest[i] = widest_of(casters, sigma, i);
     farthest = fmaxf(is_there * distance, farthest);
   }
-  return (double)farthest;
-}
-
-/* A Gaussian's longest axis is within its stretches' root of the sum of squares. */
-static void find_widest(fum_context *context, const fum_medium *medium, const fum_sweep_view *view) {
-  const fum_octree *casters = fum_medium_casters(medium);
-  const int64_t step = casters->count + FUM_OCTREE_PAD;
-  const float scale = medium->sigma_scale, *s = casters->stretches;
-  float *widest = view->widest;
-#pragma omp parallel for simd num_threads(fum_thread_count(context))
-  for (int64_t i = 0; i < casters->count; i++) {
-    const float sigma = scale / casters->inverse_sigmas[i];
-    float squares = 0.0F;
-    if (s != NULL) {
-      const float xx = s[i], yy = s[i + step], xy = s[i + 2 * step], xz = s[i + 3 * step], yz = s[i + 4 * step];
-      squares = xx * xx + yy * yy + (xx + yy) * (xx + yy) + 2.0F * (xy * xy + xz * xz + yz * yz);
-    }
-    widest[i] = sqrtf(sigma * sigma + sqrtf(squares));
-  }
+  return farthest;
 }
 
 /* Sets the casters in the light's vicinity apart and measures both them and the others. */
-static void part(fum_context *context, const fum_medium *medium, double outermost, fum_sweep_view *view) {
+static void part(fum_context *context, const fum_medium *medium, float outermost, fum_sweep_view *view) {
   /* Sigma over distance above which a shadow isn't a footprint; ratio of distances that ranges are good for. */
-  const double widest = 0.1, most_ratio = 100.0;
+  const float widest = 0.1F, most_ratio = 100.0F, scale = medium->sigma_scale;
+  const fum_octree *casters = fum_medium_casters(medium);
   const bool is_parallel = view->is_parallel;
-  double nearest = INFINITY, farthest = 0.0, smallest = INFINITY, largest = 0.0, wide = 0.0, reach = 0.0;
-  double smallest_near = INFINITY;
+  float nearest = INFINITY, farthest = 0.0F, smallest = INFINITY, largest = 0.0F, wide = 0.0F, reach = 0.0F;
+  float smallest_near = INFINITY;
   int64_t near_count = 0;
   const int threads = fum_thread_count(context);
 #pragma omp parallel for num_threads(threads) reduction(+ : near_count) reduction(min                                  \
                                                         : nearest, smallest, smallest_near) reduction(max : farthest, largest, wide, reach)
-  for (int64_t i = 0; i < fum_medium_casters(medium)->count; i++) {
-    const double sigma = (double)view->sigmas[i], sigma_m = sigma_of(medium, i);
-    if (!(sigma > 0.0)) continue;
-    const double distance = is_parallel ? 1.0 : sigma_m / sigma;
+  for (int64_t i = 0; i < casters->count; i++) {
+    const float sigma = view->sigmas[i], inverse = casters->inverse_sigmas[i];
+    if (!(sigma > 0.0F)) continue;
+    const float distance = is_parallel ? 1.0F : scale / (inverse * sigma);
     if (!is_parallel && (sigma > widest || most_ratio * distance < outermost)) {
       near_count++;
-      smallest_near = sigma < smallest_near ? sigma : smallest_near;
-      reach = distance + NEAR_REACH * sigma_m > reach ? distance + NEAR_REACH * sigma_m : reach;
+      smallest_near = fum_min(sigma, smallest_near);
+      reach = fum_max(distance + NEAR_REACH * scale / inverse, reach);
       view->sigmas[i] = 0.0F;
       continue;
     }
-    nearest = distance < nearest ? distance : nearest;
-    farthest = distance > farthest ? distance : farthest;
-    smallest = sigma < smallest ? sigma : smallest;
-    largest = sigma > largest ? sigma : largest;
-    wide = fmax(wide, (double)view->widest[i]);
+    nearest = fum_min(distance, nearest);
+    farthest = fum_max(distance, farthest);
+    smallest = fum_min(sigma, smallest);
+    largest = fum_max(sigma, largest);
+    wide = fum_max(view->widest[i], wide);
   }
-  view->vicinity = (fum_sweep_vicinity){near_count, reach, smallest_near};
-  view->nearest = nearest;
-  view->farthest = farthest;
-  view->reference = sqrt(nearest * farthest);
-  view->smallest = (float)smallest;
-  view->largest = (float)largest;
-  view->reach_m = wide;
+  view->vicinity = (fum_sweep_vicinity){near_count, (double)reach, (double)smallest_near};
+  view->nearest = (double)nearest;
+  view->farthest = (double)farthest;
+  view->reference = sqrt((double)nearest * (double)farthest);
+  view->smallest = smallest;
+  view->largest = largest;
+  view->reach_m = (double)wide;
 }
 
 /* How casters, all within `radius`, are seen. False if none is but in the light's vicinity. */
 static bool measure(fum_context *context, const fum_medium *medium, double radius, fum_sweep_view *view) {
-  find_widest(context, medium, view);
   part(context, medium, find_sigmas(context, medium, view), view);
   view->reach = reach_for(2.0 * medium->mass / fmax(radius * radius, 1e-60));
   view->reach_m *= (double)view->reach;
