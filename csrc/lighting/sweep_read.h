@@ -71,10 +71,11 @@ static inline void weigh_taps(fum_vf t, fum_vf weights[TAPS]) {
 static void read_depths(const patch *p, const chunk *c, int32_t first) {
   const fum_vf column = fum_vf_load(c->columns + first), row = fum_vf_load(c->rows + first);
   const fum_vf range = fum_vf_load(c->ranges + first);
-  const fum_vi x = __builtin_convertvector(column, fum_vi), y = __builtin_convertvector(row, fum_vi);
-  const fum_vi is_here = (x >= 1) & (y >= 1) & (x + 2 < p->columns) & (y + 2 < p->rows);
-  const fum_vi slab = __builtin_convertvector(range, fum_vi), number = (slab + 1) % BATCH;
-  const fum_vi corner = (((number * p->rows + y - 1) * p->columns + x - 1) * TAPS) & is_here;
+  const fum_vi right = __builtin_convertvector(column, fum_vi), down = __builtin_convertvector(row, fum_vi);
+  const fum_vi is_here = (right >= 1) & (down >= 1) & (right < p->columns - 2) & (down < p->rows - 2);
+  /* Behind the last receiver there may be anything. */
+  const fum_vi x = right & is_here, y = down & is_here, slab = __builtin_convertvector(range, fum_vi) & is_here;
+  const fum_vi corner = (((((slab + 1) % BATCH) * p->rows + y - 1) * p->columns + x - 1) * TAPS) & is_here;
   const int64_t step = (int64_t)TAPS * p->columns;
   const int32_t left = c->count - first, count = left < FUM_LANES ? left : FUM_LANES;
   int32_t corners[FUM_LANES];

@@ -15,10 +15,11 @@ static void find_taken(const uint16_t *of_cells, uint32_t count, uint8_t taken[F
     taken[of_cells[i]] = 1;
 }
 
+/* Cells along an axis; behind a leaf's last particle there may be others anywhere. */
 static fum_vi find_along(const float *places, float lower, float cells_per_metre, int32_t cells) {
   const fum_vi at = __builtin_convertvector((fum_vf_load(places) - lower) * cells_per_metre, fum_vi);
   const fum_vi is_before = at < cells;
-  return (at & is_before) | ((cells - 1) & ~is_before);
+  return (at & is_before & (at > 0)) | ((cells - 1) & ~is_before);
 }
 
 static uint32_t find(const fum_octree *octree, const fum_octree_node *leaf, const fum_cells *c, uint16_t *out_cells) {
