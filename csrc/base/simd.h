@@ -37,26 +37,6 @@ static inline void fum_quad_stream_end(void) {
 #endif
 }
 
-static inline fum_quad fum_quad_min(fum_quad a, fum_quad b) {
-#if defined(__x86_64__)
-  return (fum_quad)_mm_min_ps((__m128)a, (__m128)b);
-#else
-  for (int k = 0; k < 4; k++)
-    a[k] = b[k] < a[k] ? b[k] : a[k];
-  return a;
-#endif
-}
-
-static inline fum_quad fum_quad_max(fum_quad a, fum_quad b) {
-#if defined(__x86_64__)
-  return (fum_quad)_mm_max_ps((__m128)a, (__m128)b);
-#else
-  for (int k = 0; k < 4; k++)
-    a[k] = b[k] > a[k] ? b[k] : a[k];
-  return a;
-#endif
-}
-
 /* rows[i][k] becomes rows[k][i]. */
 static inline void fum_quad_transpose(fum_quad rows[4]) {
   const fum_quad a = __builtin_shufflevector(rows[0], rows[1], 0, 4, 1, 5);

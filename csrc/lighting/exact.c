@@ -65,14 +65,9 @@ static fum_vec3 receiver_position(const fum_receivers *receivers, uint32_t i) {
 
 /* The segment from a receiver to the light. One of no length has no particles on it. */
 static fum_segment segment_to(const fum_emitter *emitter, fum_vec3 from) {
-  fum_vec3 direction = emitter->direction;
-  float length = INFINITY;
-  if (!emitter->is_directional) {
-    const fum_vec3 way = fum_sub(emitter->position, from);
-    length = fum_length(way);
-    direction = length > 0.0F ? fum_scaled(way, 1.0F / length) : (fum_vec3){0.0F, 0.0F, 1.0F};
-  }
-  return (fum_segment){{from.x, from.y, from.z}, {direction.x, direction.y, direction.z}, length};
+  const fum_way way = fum_emitter_way(emitter, from);
+  const fum_vec3 d = way.direction;
+  return (fum_segment){{from.x, from.y, from.z}, {d.x, d.y, d.z}, way.length};
 }
 
 /* The beam around the segments: it starts as wide as the group and narrows towards the light, if that is far away. */

@@ -23,10 +23,12 @@ static float scatter(const viewer *v, const fum_emitter *emitter, const fum_part
 
 static void respond(const void *user, const fum_emitter *emitter, int64_t first, int64_t count, float *strengths) {
   const viewer *v = user;
-  const float evenly = fum_phase(0.0F, 0.0F);
-  for (int64_t k = 0; k < count && v->are_alike; k++)
-    strengths[k] *= evenly;
-  for (int64_t k = 0; k < count && !v->are_alike; k++) {
+  if (v->are_alike) {
+    for (int64_t k = 0; k < count; k++)
+      strengths[k] *= fum_phase(0.0F, 0.0F);
+    return;
+  }
+  for (int64_t k = 0; k < count; k++) {
     const fum_particles *set = fum_scene_particles_of(v->scene, v->octree->indices[first + k]);
     strengths[k] *= scatter(v, emitter, set, first + k);
   }

@@ -109,18 +109,12 @@ static int32_t find_levels(const fum_sweep_view *view, const census *c, shell *s
   return count;
 }
 
-/* As find_places in sweep_places.h. */
-static double range_of(const fum_sweep_view *view, double distance) {
-  const double x = (distance - view->reference) / (distance + view->reference), squared = x * x;
-  return 2.0 * x * (1.0 + squared * (1.0 / 3.0 + squared * (0.2 + squared / 7.0)));
-}
-
 /* The distance at a range. */
 static double distance_at(const fum_sweep_view *view, double range) {
   double low = 0.0, high = view->farthest;
   for (int step = 0; step < 50; step++) {
     const double middle = 0.5 * (low + high);
-    *(range_of(view, middle) < range ? &low : &high) = middle;
+    *(fum_sweep_range(view, middle) < range ? &low : &high) = middle;
   }
   return low;
 }
@@ -139,8 +133,8 @@ static void cut_slabs(const fum_medium *medium, const fum_sweep_view *view, shel
     from = -sqrt(squared);
     to = sqrt(squared);
   } else {
-    from = range_of(view, s->nearest);
-    to = range_of(view, s->farthest);
+    from = fum_sweep_range(view, s->nearest);
+    to = fum_sweep_range(view, s->farthest);
   }
   const double reach = 4.0 + (double)(FUM_SWEEP_SPREAD * MOST_SIGMA);
   level->first = (float)(from - (reach + 1.0) * (double)level->slab);

@@ -95,17 +95,6 @@ static bool is_outside(fum_vec3 p, int side, float radius) {
   return lateral - 1.01F * (side % 2 == 0 ? at[axis] : -at[axis]) > 1.43F * radius;
 }
 
-/* A ball around the centres of a leaf. */
-static fum_vec3 middle_of(const fum_octree_node *leaf) {
-  const float *l = leaf->lower, *u = leaf->upper;
-  return (fum_vec3){0.5F * (l[0] + u[0]), 0.5F * (l[1] + u[1]), 0.5F * (l[2] + u[2])};
-}
-
-static float radius_of(const fum_octree_node *leaf) {
-  const float *l = leaf->lower, *u = leaf->upper;
-  return 0.5F * fum_length((fum_vec3){u[0] - l[0], u[1] - l[1], u[2] - l[2]});
-}
-
 /* How far casters of the level reach out of a leaf, cells of the grid included; 0: there are none of this level. */
 static float reach_of(const sorting *s, const fum_octree_node *leaf) {
   const fum_sweep_level *level = s->level;
@@ -135,8 +124,8 @@ static bool is_together(const fum_octree_node *node) {
 
 /* Distance of a ball around receivers from the light, and its radius with room for rounding. */
 static float find_rounded(const sorting *s, const fum_octree_node *node, float *out_distance) {
-  *out_distance = fum_length(see_plainly(s->view, middle_of(node)));
-  return 1.001F * radius_of(node) + 1e-5F * *out_distance;
+  *out_distance = fum_length(see_plainly(s->view, fum_sweep_middle(node)));
+  return 1.001F * fum_sweep_radius(node) + 1e-5F * *out_distance;
 }
 
 static bool is_behind_begin(const sorting *s, const fum_octree_node *node) {
@@ -151,7 +140,7 @@ static float find_ball(const sorting *s, bool is_casters, const fum_octree_node 
   float distance;
   if (is_casters) {
     const float reach = node->children == 0 ? reach_of(s, node) : 0.0F;
-    return reach > 0.0F ? radius_of(node) + reach : nothing;
+    return reach > 0.0F ? fum_sweep_radius(node) + reach : nothing;
   }
   if (!is_together(node)) return nothing;
   const float radius = find_rounded(s, node, &distance);
@@ -201,7 +190,7 @@ static place find_place(const sorting *s, bool is_casters, const fum_octree_node
   place found = {.face = NOWHERE};
   span on_face;
   if (radius < 0.0F) return found;
-  for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
+  for (int n = 0; find_on_faces(s, fum_sweep_middle(node), radius, &n, &on_face); n++)
     found = (place){(int8_t)(found.face == NOWHERE ? n : ON_SEVERAL_FACES), false, on_face};
   const span *own = &found.span;
   if (is_casters || found.face == NOWHERE) return found;
@@ -223,7 +212,7 @@ static void put_node(const sorting *s, bool is_casters, int64_t i, place *places
   } else if (at.face == ON_SEVERAL_FACES) {
     const float radius = find_ball(s, is_casters, node);
     span on_face;
-    for (int n = 0; find_on_faces(s, middle_of(node), radius, &n, &on_face); n++)
+    for (int n = 0; find_on_faces(s, fum_sweep_middle(node), radius, &n, &on_face); n++)
       put(&s->view->faces[n], on_face, (uint32_t)i, f);
   } else if (at.face != NOWHERE) {
     put(&s->view->faces[at.face], at.span, (uint32_t)i | (at.is_whole ? FUM_SWEEP_WHOLE : 0), f);

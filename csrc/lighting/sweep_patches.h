@@ -33,6 +33,17 @@ typedef struct fum_sweep_patches {
 /* ...this where the whole node is in the patch. */
 static const uint32_t FUM_SWEEP_WHOLE = UINT32_C(1) << 31;
 
+/* A ball around the centres of a node. */
+static inline fum_vec3 fum_sweep_middle(const fum_octree_node *node) {
+  const float *l = node->lower, *u = node->upper;
+  return (fum_vec3){0.5F * (l[0] + u[0]), 0.5F * (l[1] + u[1]), 0.5F * (l[2] + u[2])};
+}
+
+static inline float fum_sweep_radius(const fum_octree_node *node) {
+  const float *l = node->lower, *u = node->upper;
+  return 0.5F * fum_length((fum_vec3){u[0] - l[0], u[1] - l[1], u[2] - l[2]});
+}
+
 /* Sigmas along the rays over which a caster is spread; what lies beyond is at its ends. */
 static const float FUM_SWEEP_SPREAD = 3.3F;
 

@@ -240,17 +240,13 @@ enum { QUEUED = 8 * BATCH };
 static int32_t find_turn(const patch *p, const fum_octree_node *node) {
   const fum_sweep_view *view = p->job->view;
   const fum_sweep_level *level = p->job->level;
-  const float *l = node->lower, *u = node->upper, reference = (float)view->reference;
-  const fum_vec3 middle = {0.5F * (l[0] + u[0]), 0.5F * (l[1] + u[1]), 0.5F * (l[2] + u[2])};
-  const fum_vec3 from = fum_sub(middle, view->middle);
-  const float radius = 0.5F * fum_length((fum_vec3){u[0] - l[0], u[1] - l[1], u[2] - l[2]});
-  const float last = (float)(level->slab_count - 1);
+  const fum_vec3 from = fum_sub(fum_sweep_middle(node), view->middle);
+  const float radius = fum_sweep_radius(node), last = (float)(level->slab_count - 1);
   float range = fum_dot(from, p->axis) - radius;
   if (!view->is_parallel) {
     const float distance = fum_length(fum_mad(from, 1.0F, p->job->to_middle)) - radius;
-    const float share = (distance - reference) / (distance + reference), squared = share * share;
     if (!(distance > 0.0F)) return 0;
-    range = 2.0F * share * (1.0F + squared * (0.33333333F + squared * (0.2F + squared * 0.14285714F)));
+    range = (float)fum_sweep_range(view, (double)distance);
   }
   const float turn = (range - level->first) / level->slab;
   return turn > 0.0F ? (int32_t)(turn < last ? turn : last) / QUEUED * QUEUED : 0;

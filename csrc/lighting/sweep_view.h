@@ -42,6 +42,12 @@ typedef struct fum_sweep_view {
   fum_sweep_face faces[FUM_SWEEP_FACES];
 } fum_sweep_view;
 
+/* The range at a distance; as find_places in sweep_places.h. */
+static inline double fum_sweep_range(const fum_sweep_view *view, double distance) {
+  const double x = (distance - view->reference) / (distance + view->reference), squared = x * x;
+  return 2.0 * x * (1.0 + squared * (1.0 / 3.0 + squared * (0.2 + squared / 7.0)));
+}
+
 /* Places the light and finds out how the casters are seen. `*out_is_clear` is false, and there may be nothing to free,
  * where there are none but those in the light's vicinity. */
 int32_t fum_sweep_view_find(fum_context *context, const fum_medium *medium, const fum_emitter *emitter,
